@@ -14,6 +14,7 @@ mod mesh;
 mod notation;
 mod physics;
 mod pilot;
+mod policy;
 mod sensor;
 mod start;
 mod success;
@@ -43,8 +44,8 @@ pub(crate) use world::{Placement, pillar_around, turned};
 
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
 pub use drawn::{
-    DrawnConfig, ForestConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, MovedFurnitureConfig,
-    RaceCoursesConfig, WorldsConfig,
+    CorridorsConfig, DrawnConfig, ForestConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig,
+    MovedFurnitureConfig, RaceCoursesConfig, WorldsConfig,
 };
 pub use notation::{Document, DroneNotations};
 pub use physics::{
@@ -56,6 +57,7 @@ pub use pilot::{
     ReferenceActionKindConfig, ReferenceControllerConfig, ReferenceObservationConfig, ReferencePrecisionConfig,
     RotorSpeedsConfig, ThrustBodyRatesConfig, ThrustTorquesConfig, VelocityConfig,
 };
+pub use policy::policy_bytes;
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
     GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig, WayConfig,

@@ -1,5 +1,6 @@
 //! Rooms of which every episode draws one, and what stands around each lane of a block.
 
+mod corridors;
 mod forest;
 mod furnishing;
 mod moving;
@@ -12,6 +13,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
 
+pub use corridors::Corridors;
 pub use forest::Forest;
 pub use moving::Rearranger;
 pub use racing::Raceway;
@@ -64,6 +66,8 @@ pub enum RoomPlanner {
     Race(Raceway),
     /// Trunks between the start and a goal, for hulls of this radius \[m\].
     Forest(Forest, f64),
+    /// Walls between the start and a goal, for hulls of this radius \[m\].
+    Corridors(Corridors, f64),
 }
 
 /// What furnished rooms are drawn from.
@@ -148,6 +152,7 @@ impl RoomPlanner {
             Self::Moved(_) => moving::TENTHS,
             Self::Race(raceway) => raceway.posts,
             Self::Forest(forest, _) => forest.trunks(),
+            Self::Corridors(..) => 0,
         };
         loop {
             let mut draw = || match self {
@@ -157,6 +162,10 @@ impl RoomPlanner {
                 Self::Forest(forest, radius) => {
                     let place = forest.draw(most, &mut stream);
                     place.map(|(world, goal)| Room::with_ways(world, goal, forest::HALL, *radius))
+                }
+                Self::Corridors(corridors, radius) => {
+                    let place = corridors.draw(&mut stream);
+                    place.map(|(world, goal)| Room::with_ways(world, goal, corridors::HALL, *radius))
                 }
             };
             if let Some(room) = (0..DRAWS).find_map(|_| draw()) {
@@ -173,6 +182,7 @@ impl RoomPlanner {
             Self::Moved(rearranger) => Cuboid { low: rearranger.aviary.goal, high: rearranger.aviary.goal },
             Self::Race(_) => Raceway::goals(),
             Self::Forest(..) => Forest::goals(),
+            Self::Corridors(..) => Corridors::goals(),
         }
     }
 
@@ -235,6 +245,7 @@ impl Rooms {
             RoomPlanner::Moved(rearranger) => rearranger.aviary.world.clone(),
             RoomPlanner::Race(_) => Raceway::bare(),
             RoomPlanner::Forest(..) => Forest::bare(),
+            RoomPlanner::Corridors(..) => Corridors::bare(),
         };
         Aviary { world, ..Aviary::empty(goal) }
     }
@@ -250,6 +261,7 @@ impl Rooms {
             RoomPlanner::Furnished(_) | RoomPlanner::Race(_) => Workshop::kept_free(),
             RoomPlanner::Moved(_) => Rearranger::kept_free(),
             RoomPlanner::Forest(..) => Forest::kept_free(),
+            RoomPlanner::Corridors(..) => Corridors::kept_free(),
         }
     }
 

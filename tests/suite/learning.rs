@@ -18,8 +18,9 @@ fn experiment(file: &str, overrides: &[&str]) -> Experiment {
 }
 
 fn trained(experiment: &Experiment) -> Trainer {
-    let mut trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed);
-    while trainer.steps() < experiment.ppo.total_steps {
+    let mut trainer =
+        Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.training.ppo, experiment.seed);
+    while trainer.steps() < experiment.training.ppo.total_steps {
         trainer.update();
     }
     trainer

@@ -420,7 +420,8 @@ pub(crate) fn training(scenario: &Scenario, settings: &PpoSettings, duration: Du
 
 /// Line for training by gradients through the physics, if the task has them.
 pub(crate) fn gradients(scenario: &Scenario, settings: &AnalyticSettings, duration: Duration) -> Option<Figure> {
-    let mut trainer = AnalyticTrainer::<DroneEnvironment>::new(scenario, settings, Seed(0)).ok()?;
+    let mut trainer =
+        AnalyticTrainer::<DroneEnvironment>::new(std::slice::from_ref(scenario), settings, Seed(0)).ok()?;
     let rate = best_rate(duration, || {
         let before = trainer.steps();
         trainer.update();

@@ -13,7 +13,9 @@ use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
 use super::{AviaryConfig, GoalsConfig, ScenarioConfig, SensorConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
-use crate::rooms::{Forest, Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::rooms::{
+    Corridors, Forest, Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop,
+};
 use crate::scenario::{FirstGoals, Place, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
@@ -40,6 +42,9 @@ const TRUNK_LIMIT_M: f64 = 0.5;
 
 /// Most people of a forest: more find no room to walk.
 const PEOPLE_LIMIT: u64 = 12;
+
+/// Without half of the walls hardly a draw is left whose way is not straight.
+const LOOPS_LIMIT: f64 = 0.5;
 
 /// Furniture is moved so far.
 const SHIFT: Limits = Limits::from(0.01, 2.0, "m");
@@ -84,6 +89,8 @@ pub enum GeneratorConfig {
     RaceCourses(RaceCoursesConfig),
     /// Trunks to fly between.
     Forest(ForestConfig),
+    /// Passages at right angles, some of them blind.
+    Corridors(CorridorsConfig),
 }
 
 /// Trunks, from the floor to the ceiling, in a hall of 20 x 6 x 2.5 m with its origin a metre from the end at which flights
@@ -125,6 +132,30 @@ impl ForestConfig {
                 .at("walking_m_per_s")
                 .number(self.walking_m_per_s, &Limits::from(0.1, 3.0, "m/s"))?,
         })
+    }
+}
+
+/// Passages a metre wide, from the middle of a wall to the next, at right angles in a hall of 12 x 4 x 1.5 m with its origin a
+/// metre from the end at which flights start. Both ends are open across the hall, for a metre; the goal lies in the far one, at
+/// x = 10.5 m. Every square of a metre between them can be reached, and no straight line leads to the goal.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CorridorsConfig {
+    /// Share of the walls that are left out, 0 to 1: with none there is one way between any two squares, and each that does not
+    /// lead to the goal is blind.
+    pub loops: f64,
+}
+
+impl Default for CorridorsConfig {
+    fn default() -> Self {
+        Self { loops: 0.2 }
+    }
+}
+
+impl CorridorsConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Corridors, ConfigError> {
+        let loops = field.at("loops").number(self.loops, &Limits::from(0.0, LOOPS_LIMIT, ""))?;
+        Ok(Corridors { loops })
     }
 }
 
@@ -257,6 +288,9 @@ impl DrawnConfig {
             }
             GeneratorConfig::Forest(forest) => {
                 RoomPlanner::Forest(forest.check(&field.at("forest"))?, airframe.collision_radius)
+            }
+            GeneratorConfig::Corridors(corridors) => {
+                RoomPlanner::Corridors(corridors.check(&field.at("corridors"))?, airframe.collision_radius)
             }
             GeneratorConfig::RaceCourses(courses) => RoomPlanner::Race(courses.check(&field.at("race_courses"))?),
         };

@@ -1,4 +1,5 @@
-//! What scenarios are written in beside YAML: airframes in URDF, meshes in OBJ and STL.
+//! What scenarios are written in beside YAML: airframes in URDF, meshes in OBJ and STL; and what a training begins with,
+//! policy files.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,12 +9,13 @@ use kestrel_config::error::Source;
 use kestrel_config::node::Node;
 use kestrel_config::notation::{ImportedFile, Notations};
 
-use super::{mesh, urdf};
+use super::{mesh, policy, urdf};
 
 /// A configuration of this simulator.
 pub type Document = kestrel_config::Document<DroneNotations>;
 
-/// URDF is another form of an airframe's numbers, OBJ and STL are forms of what a key `mesh` holds.
+/// URDF is another form of an airframe's numbers, OBJ and STL are forms of what a key `mesh` holds, and a policy file is one
+/// of what `initial_policy` holds.
 #[derive(Clone, Copy, Debug)]
 pub enum DroneNotations {}
 
@@ -26,6 +28,9 @@ impl Notations for DroneNotations {
     }
 
     fn file(file: &ImportedFile<'_>) -> Result<Option<(Node, usize)>, ConfigError> {
+        if policy::is_policy(file)? {
+            return policy::tree(file).map(Some);
+        }
         if mesh::is_mesh(file)? { mesh::tree(file).map(Some) } else { Ok(None) }
     }
 }

@@ -255,6 +255,37 @@ fn forests_of_impossible_numbers_are_refused_and_one_without_trunks_is_a_hall() 
     assert_eq!(bare.drawn.as_ref().unwrap().room(0).aviary.world.solids.len(), 4);
 }
 
+#[test]
+fn every_corridor_winds_and_leads_to_its_goal() {
+    let corridors = |loops: &str| {
+        let to = format!("{{ corridors: {{ loops: {loops} }} }}");
+        let text = FORESTS.replace("{ forest: { trunks_per_square_metre: 0.3 } }", &to).replace(
+            "low_m: [-0.8, -2.5, 0.4], high_m: [0.5, 2.5, 2]",
+            "low_m: [-0.8, -1.8, 0.4], high_m: [-0.3, 1.8, 1.2]",
+        );
+        checked(&text)
+    };
+    let mean_way = |loops: &str| {
+        let scenario = corridors(loops).unwrap();
+        let rooms = scenario.drawn.as_ref().unwrap();
+        let lengths = (0..24).map(|index| {
+            let Room { aviary, ways, .. } = rooms.room(index);
+            let ways = ways.as_ref().unwrap();
+            let path = ways.free_path_from([-0.5, 0.0, 0.75]);
+            assert!(path.is_some(), "corridors {index}");
+            assert!(aviary.goal.x == 10.5 && aviary.goal.y.abs() <= 1.5 && aviary.goal.z == 0.75);
+            let length = ways.length([-0.5, 0.0, 0.75]);
+            assert!(length > 11.0, "{length} m in corridors {index}");
+            length
+        });
+        lengths.sum::<f32>() / 24.0
+    };
+    let (blind, open) = (mean_way("0"), mean_way("0.5"));
+    assert!(blind > open + 2.0, "{blind} m on average where all walls stand, {open} m where half do");
+    let found = corridors("0.6").unwrap_err();
+    assert!(found.contains("corridors.loops: found 0.6"), "{found}");
+}
+
 /// The same with people.
 fn peopled() -> Scenario {
     checked(&FORESTS.replace("trunks_per_square_metre: 0.3", "people: 5, walking_m_per_s: 1.5")).unwrap()

@@ -158,7 +158,8 @@ impl Evidence<'_> {
 
     /// The settings of PPO, where the run was trained by it.
     fn ppo(&self) -> Option<&PpoSettings> {
-        if self.experiment.analytic.is_some() { None } else { Some(&self.experiment.ppo) }
+        let training = &self.experiment.training;
+        if training.analytic.is_some() { None } else { Some(&training.ppo) }
     }
 
     /// The median of a figure over the updates in which it is a number.

@@ -2,6 +2,7 @@
 
 mod evaluation;
 mod eye;
+mod initial_policy;
 mod memory;
 mod teacher;
 #[cfg(test)]
@@ -17,18 +18,16 @@ use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use evaluation::is_false;
 pub use evaluation::{EvaluationConfig, EvaluationSettings};
-pub(crate) use eye::refuse_unsuited_encoder;
 pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
+pub use initial_policy::{InitialPolicy, InitialPolicyConfig};
 pub use memory::MemoryConfig;
-pub(crate) use memory::refuse_unsuited_memory;
 pub use teacher::TeacherConfig;
-pub(crate) use teacher::refuse_lost_teacher;
 pub use training::{AnalyticConfig, ScheduleConfig, TrainingConfig};
 
 use crate::config_file::ConfigFile;
-use kestrel_learn::analytic::AnalyticSettings;
-use kestrel_learn::ppo::PpoSettings;
+use crate::learner::LearnerSettings;
 use kestrel_learn::rollout::batch_rows;
 
 /// Version of the file format that this program reads; a change that breaks old files raises it.
@@ -66,10 +65,8 @@ pub struct Experiment {
     pub name: String,
     /// The task.
     pub scenario: Scenario,
-    /// How the policy is trained, unless by gradients through the physics.
-    pub ppo: PpoSettings,
-    /// How it is trained by these, where it is.
-    pub analytic: Option<AnalyticSettings>,
+    /// How the policy is trained.
+    pub training: LearnerSettings,
     /// What all randomness of training follows from.
     pub seed: Seed,
     /// How the trained policy is judged.
@@ -119,12 +116,12 @@ pub fn schema() -> String {
 pub(crate) fn to_train(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
     let document = ExperimentConfig::overridden(document, overrides)?;
     let experiment = checked(&document)?;
-    if experiment.analytic.is_some() {
+    if experiment.training.analytic.is_some() {
         refuse_without_derivatives(&experiment.scenario, &document.root().at("training").at("analytic"))?;
         return Ok(experiment);
     }
     let tasks = std::slice::from_ref(&experiment.scenario);
-    refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
+    refuse_broken_batches(tasks, experiment.training.ppo.environments, &document.root().at("training"))?;
     Ok(experiment)
 }
 
@@ -152,8 +149,23 @@ pub(crate) fn refuse_broken_batches(
     Err(training.at("environments").refuse(environments, expected))
 }
 
+/// Refuses a training whose eye, teacher, memory, first policy or gradients a task does not suit.
+pub(crate) fn refuse_unsuited_training(
+    settings: &LearnerSettings,
+    task: &Scenario,
+    training: &Field<'_>,
+) -> Result<(), ConfigError> {
+    eye::refuse_unsuited_encoder(&settings.ppo.encoder, task.camera.as_ref(), training)?;
+    teacher::refuse_lost_teacher(settings.ppo.teacher, task, training)?;
+    memory::refuse_unsuited_memory(&settings.ppo, task, training)?;
+    match &settings.initial_policy {
+        Some(policy) => policy.refuse_other_task(task, &training.at("initial_policy")),
+        None => Ok(()),
+    }
+}
+
 /// Refuses a task through which no gradient goes.
-fn refuse_without_derivatives(scenario: &Scenario, analytic: &Field<'_>) -> Result<(), ConfigError> {
+pub(crate) fn refuse_without_derivatives(scenario: &Scenario, analytic: &Field<'_>) -> Result<(), ConfigError> {
     let refuse = |found: String| analytic.reject(found, "a task through whose flight gradients go, or PPO");
     if scenario.camera.is_some() {
         return Err(refuse("a camera, whose images have no derivatives".to_owned()));
@@ -176,14 +188,11 @@ impl ExperimentConfig {
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
         let training = root.at("training");
         let filled = self.training.for_teams(std::iter::once(scenario.agents.count as usize));
-        let ppo = filled.check(&training)?;
-        refuse_unsuited_encoder(&ppo.encoder, scenario.camera.as_ref(), &training)?;
-        refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
-        refuse_unsuited_memory(&ppo, &scenario, &training)?;
+        let settings = filled.check(&training)?;
+        refuse_unsuited_training(&settings, &scenario, &training)?;
         Ok(Experiment {
             name: self.name.clone(),
-            ppo,
-            analytic: self.training.check_analytic(&training)?,
+            training: settings,
             seed: Seed(self.training.seed),
             evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
             resolved_yaml: Self { training: filled, ..self.clone() }.resolved(),

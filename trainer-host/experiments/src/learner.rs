@@ -1,20 +1,33 @@
-//! What a training run learns with: PPO, or gradients through the physics.
+//! What a run, or a stage of a study, learns with: PPO, or gradients through the physics.
 
 use std::sync::Arc;
 
-use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::analytic::AnalyticTrainer;
-use kestrel_learn::ppo::UpdateMetrics;
-use kestrel_learn::ranks::{self, Order, Ranks};
+use kestrel_learn::actor_critic::{Actor, Critic};
+use kestrel_learn::analytic::{AnalyticError, AnalyticSettings, AnalyticTrainer};
+use kestrel_learn::ppo::{CarryOver, PpoSettings, UpdateMetrics, WarmStart};
+use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
+use kestrel_learn::regulariser::{EndedTask, Regulariser};
 use kestrel_sim::gradient::StepGradient;
 use kestrel_sim::reward::RewardTerm;
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
 
 use crate::drone_environment::{DroneEnvironment, Trainer, TrainerState};
-use crate::experiment_config::Experiment;
-use crate::training_run::TrainingError;
+use crate::experiment_config::{Experiment, InitialPolicy};
 
-/// The trainer of an experiment.
-#[derive(Debug)]
+/// How a policy is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LearnerSettings {
+    /// By PPO, unless by gradients through the physics.
+    pub ppo: PpoSettings,
+    /// By these, where they train.
+    pub analytic: Option<AnalyticSettings>,
+    /// The policy that training begins with, instead of random weights.
+    pub initial_policy: Option<Arc<InitialPolicy>>,
+}
+
+/// Whoever trains a policy, in one task or in several.
+#[derive(Clone, Debug)]
 pub(crate) enum Learner {
     /// Proximal policy optimisation.
     Ppo(Box<Trainer>),
@@ -22,28 +35,71 @@ pub(crate) enum Learner {
     Analytic(Box<AnalyticTrainer<DroneEnvironment>>),
 }
 
+/// Why the work cannot be shared by several processes.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RankError {
+    /// There are too many of them.
+    #[error(transparent)]
+    Unequal(#[from] UnequalShares),
+    /// Work for one.
+    #[error("{what} by one process, but there are {found}")]
+    Alone {
+        /// What is done alone.
+        what: &'static str,
+        /// Processes.
+        found: usize,
+    },
+}
+
+impl LearnerSettings {
+    /// Environment steps after which training ends.
+    pub fn total_steps(&self) -> u64 {
+        self.analytic.as_ref().map_or(self.ppo.total_steps, |analytic| analytic.total_steps)
+    }
+
+    /// Environment steps of an update, in teams of so many agents.
+    pub fn batch(&self, agents: usize) -> usize {
+        self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
+    }
+
+    /// What trains, for people.
+    pub fn method(&self) -> &'static str {
+        if self.analytic.is_some() { "gradients through the physics" } else { "PPO" }
+    }
+}
+
 impl Learner {
     /// At the beginning of a run.
     ///
     /// # Errors
-    /// When the task has no derivatives that the experiment asks for.
-    pub(crate) fn begin(experiment: &Experiment) -> Result<Self, TrainingError> {
-        let Experiment { scenario, ppo, analytic, seed, .. } = experiment;
-        Ok(match analytic {
-            None => Self::Ppo(Box::new(Trainer::new(std::slice::from_ref(scenario), ppo, *seed))),
-            Some(settings) => Self::Analytic(Box::new(AnalyticTrainer::new(scenario, settings, *seed)?)),
-        })
+    /// When a task has no derivatives that the settings ask for.
+    pub(crate) fn begin(
+        tasks: &[Scenario],
+        settings: &LearnerSettings,
+        seed: Seed,
+    ) -> Result<Self, AnalyticError> {
+        let mut learner = match &settings.analytic {
+            None => Self::Ppo(Box::new(Trainer::new(tasks, &settings.ppo, seed))),
+            Some(analytic) => Self::Analytic(Box::new(AnalyticTrainer::new(tasks, analytic, seed)?)),
+        };
+        if let Some(policy) = &settings.initial_policy {
+            learner.start_from(&WarmStart::of_policy(policy.actor().clone()));
+        }
+        Ok(learner)
     }
 
     /// As it was saved.
     ///
     /// # Errors
-    /// When the state does not fit the experiment.
-    pub(crate) fn restore(experiment: &Experiment, state: TrainerState) -> Result<Self, TrainingError> {
-        let Experiment { scenario, ppo, analytic, .. } = experiment;
-        Ok(match analytic {
-            None => Self::Ppo(Box::new(Trainer::restore(std::slice::from_ref(scenario), ppo, state)?)),
-            Some(settings) => Self::Analytic(Box::new(AnalyticTrainer::restore(scenario, settings, state)?)),
+    /// When the state does not fit tasks and settings.
+    pub(crate) fn restore(
+        tasks: &[Scenario],
+        settings: &LearnerSettings,
+        state: TrainerState,
+    ) -> Result<Self, AnalyticError> {
+        Ok(match &settings.analytic {
+            None => Self::Ppo(Box::new(Trainer::restore(tasks, &settings.ppo, state)?)),
+            Some(analytic) => Self::Analytic(Box::new(AnalyticTrainer::restore(tasks, analytic, state)?)),
         })
     }
 
@@ -51,8 +107,8 @@ impl Learner {
     ///
     /// # Errors
     /// When it cannot be dealt to so many.
-    pub(crate) fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
-        let alone = |what| TrainingError::Alone { what, found: ranks.size() };
+    pub(crate) fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
+        let alone = |what| RankError::Alone { what, found: ranks.size() };
         match self {
             Self::Analytic(_) if ranks.size() == 1 => Ok(()),
             Self::Analytic(_) => Err(alone("gradients through the physics are computed")),
@@ -75,6 +131,42 @@ impl Learner {
         match self {
             Self::Ppo(trainer) => trainer.update(),
             Self::Analytic(trainer) => trainer.update(),
+        }
+    }
+
+    pub(crate) fn update_with(&mut self, regulariser: &mut impl Regulariser) -> UpdateMetrics {
+        match self {
+            Self::Ppo(trainer) => trainer.update_with(regulariser),
+            Self::Analytic(trainer) => trainer.update_with(regulariser),
+        }
+    }
+
+    /// Lets `regulariser` take in what must not be forgotten of the task that ends.
+    pub(crate) fn consolidate(&mut self, regulariser: &mut impl Regulariser) {
+        self.ended(|ended| regulariser.consolidate(ended));
+    }
+
+    /// Flies the policy once more and shows the task at its end.
+    pub(crate) fn ended<T>(&mut self, show: impl FnOnce(&EndedTask<'_>) -> T) -> T {
+        match self {
+            Self::Ppo(trainer) => trainer.ended(show),
+            Self::Analytic(trainer) => trainer.ended(show),
+        }
+    }
+
+    /// Begins with what an earlier task has learned.
+    pub(crate) fn start_from(&mut self, earlier: &WarmStart) {
+        match self {
+            Self::Ppo(trainer) => trainer.start_from(earlier),
+            Self::Analytic(trainer) => trainer.start_from(earlier),
+        }
+    }
+
+    /// What a later task may begin with.
+    pub(crate) fn warm_start(&self, log_std: CarryOver, learner: CarryOver) -> WarmStart {
+        match self {
+            Self::Ppo(trainer) => trainer.warm_start(log_std, learner),
+            Self::Analytic(trainer) => trainer.warm_start(log_std, learner),
         }
     }
 
@@ -106,18 +198,24 @@ impl Learner {
             Self::Analytic(trainer) => trainer.actor(),
         }
     }
+
+    pub(crate) fn critic(&self) -> &Critic {
+        match self {
+            Self::Ppo(trainer) => trainer.critic(),
+            Self::Analytic(trainer) => trainer.critic(),
+        }
+    }
 }
 
 impl Experiment {
     /// Environment steps after which training ends.
     pub fn total_steps(&self) -> u64 {
-        self.analytic.as_ref().map_or(self.ppo.total_steps, |analytic| analytic.total_steps)
+        self.training.total_steps()
     }
 
     /// Environment steps of an update.
     pub fn batch(&self) -> usize {
-        let agents = self.scenario.agents.count as usize;
-        self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
+        self.training.batch(self.scenario.agents.count as usize)
     }
 
     /// Names of the rewards, in the order of the configuration; the second `proximity` is `proximity_2`.
@@ -132,13 +230,8 @@ impl Experiment {
 
     /// Names of the rewards that teach nothing, because no gradient goes through them: none where PPO trains.
     pub fn silent_rewards(&self) -> Vec<&str> {
-        let traced = self.analytic.as_ref().and_then(|_| StepGradient::new(&self.scenario).ok());
+        let traced = self.training.analytic.as_ref().and_then(|_| StepGradient::new(&self.scenario).ok());
         let silent = traced.iter().flat_map(StepGradient::silent_terms);
         silent.map(|term| self.scenario.rewards[*term].name()).collect()
-    }
-
-    /// What trains it, for people.
-    pub fn method(&self) -> &'static str {
-        if self.analytic.is_some() { "gradients through the physics" } else { "PPO" }
     }
 }

@@ -28,9 +28,9 @@ use kestrel_sim::seed::Seed;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment_config::Experiment;
+use crate::learner::LearnerSettings;
 use config::claim::Claim;
 use config::{PublishedTable, StudyEvaluation};
-use kestrel_learn::ppo::PpoSettings;
 use procedure::Method;
 
 /// A study, checked.
@@ -47,7 +47,7 @@ pub struct Study {
     /// What the randomness of each repetition follows from.
     pub seeds: Vec<Seed>,
     /// How each task is trained.
-    pub training: PpoSettings,
+    pub training: LearnerSettings,
     /// How policies are judged.
     pub evaluation: StudyEvaluation,
     /// Who learns.
@@ -87,12 +87,12 @@ impl Study {
     }
 
     /// How a method trains each task.
-    pub fn training_of(&self, method: usize) -> &PpoSettings {
+    pub fn training_of(&self, method: usize) -> &LearnerSettings {
         self.methods[method].training.as_ref().unwrap_or(&self.training)
     }
 
     /// Environment steps of a job whose stages all last to their end.
     pub fn steps_of(&self, job: JobId) -> u64 {
-        self.training_of(job.method).total_steps * self.orders[job.order].len() as u64
+        self.training_of(job.method).total_steps() * self.orders[job.order].len() as u64
     }
 }

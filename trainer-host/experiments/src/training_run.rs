@@ -1,6 +1,7 @@
 //! A training run: updates, measurements and checkpoints, until the budget is spent or the user stops it.
 
 use std::collections::BTreeMap;
+use std::slice;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,11 +14,11 @@ use crate::atomic_file::FileError;
 use crate::checkpoint::{CheckpointError, Checkpoints};
 use crate::config_file::ConfigFile;
 use crate::drawn_worlds::prepare;
-use crate::drone_environment::{Trainer, TrainerState};
+use crate::drone_environment::TrainerState;
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use crate::experiment_config::{Experiment, ExperimentConfig};
 use crate::interrupt::Interrupt;
-use crate::learner::Learner;
+use crate::learner::{Learner, RankError};
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::run_log::{MetricsRow, RunLog, TestRow};
@@ -25,7 +26,7 @@ use crate::watch::NewestPolicy;
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
-use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
+use kestrel_learn::ranks::{self, Order, Ranks};
 
 /// Starts of a test during a run: a standard error of three points at a success rate of one half, nothing near one.
 const SELECTION_EPISODES: usize = 256;
@@ -153,20 +154,12 @@ pub enum TrainingError {
         /// In the checkpoint.
         expected: String,
     },
-    /// Too many processes.
+    /// Several processes.
     #[error(transparent)]
-    Ranks(#[from] UnequalShares),
+    Ranks(#[from] RankError),
     /// The task has no derivatives, or the checkpoint does not fit it.
     #[error(transparent)]
     Analytic(#[from] AnalyticError),
-    /// Several processes.
-    #[error("{what} by one process, but there are {found}")]
-    Alone {
-        /// What is done alone.
-        what: &'static str,
-        /// Processes.
-        found: usize,
-    },
     /// The policy file cannot be written.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -181,8 +174,8 @@ impl Training {
     /// # Errors
     /// When the task has no derivatives that the experiment asks for.
     pub fn begin(experiment: Experiment) -> Result<Self, TrainingError> {
-        prepare(&experiment.scenario, experiment.ppo.environments);
-        let learner = Learner::begin(&experiment)?;
+        prepare(&experiment.scenario, experiment.training.ppo.environments);
+        let learner = begin(&experiment)?;
         Ok(Self { experiment, learner, best: None, test: None })
     }
 
@@ -210,7 +203,7 @@ impl Training {
         let evaluation = &self.experiment.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
         let found = evaluate(evaluation.selection(), Flyer::Actor(self.learner.actor()), starts);
-        let alike = if self.experiment.analytic.is_some() { ALIKE } else { 1 };
+        let alike = if self.experiment.training.analytic.is_some() { ALIKE } else { 1 };
         // Ties go to the later policy, which has been trained for longer.
         let is_best = self.best.as_ref().is_none_or(|best| rank(&best.evaluation, alike) <= rank(&found, alike));
         let row = TestRow::of(&found, is_best);
@@ -268,7 +261,7 @@ impl TrainingRun {
         if found != expected {
             return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
         }
-        let learner = Learner::restore(&experiment, trainer)?;
+        let learner = Learner::restore(slice::from_ref(&experiment.scenario), &experiment.training, trainer)?;
         refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
         Self::open(Training { experiment, learner, best, test: None }, directory, training_secs)
     }
@@ -389,8 +382,8 @@ pub fn follow(experiment: &Experiment, ranks: &Arc<dyn Ranks>) -> Result<(), Tra
     loop {
         match (ranks::hear::<TrainerState>(ranks), &mut trainer) {
             (Order::Begin(state), begun) => {
-                let tasks = std::slice::from_ref(&experiment.scenario);
-                begun.insert(Trainer::restore(tasks, &experiment.ppo, *state)?).work_with(ranks)?;
+                let tasks = slice::from_ref(&experiment.scenario);
+                begun.insert(Learner::restore(tasks, &experiment.training, *state)?).work_with(ranks)?;
             }
             (Order::Update, Some(trainer)) => drop(trainer.update()),
             (Order::Save, Some(trainer)) => drop(trainer.save()),
@@ -399,12 +392,17 @@ pub fn follow(experiment: &Experiment, ranks: &Arc<dyn Ranks>) -> Result<(), Tra
     }
 }
 
+/// Who learns in an experiment.
+fn begin(experiment: &Experiment) -> Result<Learner, AnalyticError> {
+    Learner::begin(slice::from_ref(&experiment.scenario), &experiment.training, experiment.seed)
+}
+
 /// The policy with which training of `experiment` begins.
 ///
 /// # Errors
 /// When the task has no derivatives that the experiment asks for.
 pub fn untrained_actor(experiment: &Experiment) -> Result<Actor, TrainingError> {
-    Ok(Learner::begin(experiment)?.actor().clone())
+    Ok(begin(experiment)?.actor().clone())
 }
 
 /// The best policy in the newest checkpoint of a run, and the steps it was trained for.

@@ -15,6 +15,7 @@ use thiserror::Error;
 pub use onnx::onnx_model;
 pub use safetensors::safetensors_file;
 
+use crate::layers::Layer;
 use crate::policy::Policy;
 
 /// Why a policy cannot be written in another program's form.
@@ -26,17 +27,6 @@ pub enum ExchangeError {
     /// Weights in fixed point are rounded; what is exchanged is what was trained.
     #[error("found a policy in fixed16, expected one in float32: only its weights are those that were trained")]
     Fixed,
-}
-
-/// A dense layer, `y = W x + b`.
-#[derive(Clone, Debug, PartialEq)]
-struct Layer {
-    inputs: usize,
-    outputs: usize,
-    /// `[outputs][inputs]`.
-    weights: Vec<f32>,
-    /// `[outputs]`.
-    biases: Vec<f32>,
 }
 
 /// A policy with `f32` weights.
@@ -66,14 +56,7 @@ impl Exchanged {
         }
         match &policy {
             Policy::Blind(policy) => Ok(Self::of(policy, None)),
-            Policy::Recurrent(policy) => {
-                let inputs = policy.metadata().observation.len() + policy.units();
-                let memory = [(0, 2 * policy.units()), (1, policy.units())].map(|(index, outputs)| {
-                    let weight = |row, column| policy.memory_weight(index, row, column);
-                    Layer::read((inputs, outputs), weight, |row| policy.memory_bias(index, row))
-                });
-                Ok(Self::of(policy.network(), Some(memory)))
-            }
+            Policy::Recurrent(policy) => Ok(Self::of(policy.network(), Some(Layer::of_memory(policy)))),
             Policy::Seeing(_) => Err(PolicyError::Vision.into()),
         }
     }
@@ -81,10 +64,6 @@ impl Exchanged {
     fn of(network: &PolicyFile<'_>, memory: Option<[Layer; 2]>) -> Self {
         let metadata = network.metadata();
         let (observation_len, action_len) = (metadata.observation.len(), metadata.action.len());
-        let layer = |(index, shape)| {
-            let weight = |row, column| network.weight(index, row, column);
-            Layer::read(shape, weight, |row| network.bias(index, row))
-        };
         let mut golden = [Vec::new(), Vec::new()];
         for (observation, action) in network.golden_vectors() {
             golden[0].extend_from_slice(&observation[..observation_len]);
@@ -95,7 +74,7 @@ impl Exchanged {
             observation_len,
             action_len,
             memory,
-            layers: network.shapes().enumerate().map(layer).collect(),
+            layers: Layer::of_network(network),
             activation: network.activation(),
             golden,
             metadata: about(network),
@@ -109,18 +88,6 @@ fn about(policy: &PolicyFile<'_>) -> String {
     match policy.activation() {
         Activation::Tanh => text,
         Activation::Relu => text.replacen('{', "{\"activation\":\"relu\",", 1),
-    }
-}
-
-impl Layer {
-    fn read(
-        (inputs, outputs): (usize, usize),
-        weight: impl Fn(usize, usize) -> f32,
-        bias: impl Fn(usize) -> f32,
-    ) -> Self {
-        let places = (0..outputs).flat_map(|row| (0..inputs).map(move |column| (row, column)));
-        let weights = places.map(|(row, column)| weight(row, column)).collect();
-        Self { inputs, outputs, weights, biases: (0..outputs).map(bias).collect() }
     }
 }
 

@@ -4,6 +4,7 @@ pub mod cost;
 pub mod cycles;
 pub mod exchange;
 pub mod inspection;
+pub mod layers;
 pub mod policy;
 pub mod px4;
 pub mod recurrent;

@@ -124,6 +124,14 @@ impl Actor {
         Self { mlp, front: Front::Nothing, parameters }
     }
 
+    /// The same behind a memory that reads `observation` values, with the numbers of these layers: gates and candidate.
+    #[must_use]
+    pub fn behind_memory(mut self, observation: usize, layers: [DenseLayer<'_>; 2]) -> Self {
+        self.front = Front::Memory(Gru::new(observation, layers[1].outputs));
+        self.parameters.extend(layers.iter().flat_map(|layer| layer.weights.iter().chain(layer.bias).copied()));
+        self
+    }
+
     /// Shape of the mean's network.
     pub fn mlp(&self) -> &Mlp {
         &self.mlp

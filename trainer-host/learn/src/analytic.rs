@@ -13,7 +13,12 @@
 //! A policy with a memory ([`crate::gru`]) goes back through that as well: what it remembers of a window's first steps is
 //! learned from the rewards of the last. Its state at the window's beginning counts as given.
 //!
+//! Where a method of continual learning remembers earlier tasks, its [`Regulariser`] adds its penalty's gradient, as in
+//! [`crate::ppo`].
+//!
 //! Sums have an order of their own for any number of threads: each environment batch has its own gradient.
+
+mod continual;
 
 use kestrel_core::activation::Activation;
 use kestrel_core::seed::{Purpose, Seed, Stream};
@@ -21,12 +26,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
-use crate::actor_critic::{Actor, ActorLengths, Critic, Front};
+use crate::actor_critic::{Actor, ActorLengths, Critic, Front, Gradient};
 use crate::adam::{Adam, Remembering};
 use crate::environment::{Environment, Outcome, TaskShape};
 use crate::gru::{Gru, GruWorkspace, forget, shorten};
 use crate::network::{Accumulate, Workspace, dispatch, square};
 use crate::ppo::{RestoreError, TrainerState, UpdateMetrics, restore_hidden};
+use crate::regulariser::{FineTuning, Learning, OptimiserStep, Regulariser, Visited};
 use crate::schedule::Schedule;
 
 /// Logarithm of the standard deviation that the policy is left with: actions are never drawn.
@@ -184,18 +190,25 @@ pub enum AnalyticError {
 }
 
 impl<E: Differentiable> AnalyticTrainer<E> {
-    /// A run at its beginning.
+    /// A run at its beginning, of one task or of several that one policy learns together: one batch of environments after
+    /// the other is dealt to them in turn.
     ///
     /// # Errors
-    /// When the task cannot be trained so.
-    pub fn new(task: &E::Task, settings: &AnalyticSettings, seed: Seed) -> Result<Self, AnalyticError> {
-        let shape = E::shape(task);
+    /// When a task cannot be trained so.
+    ///
+    /// # Panics
+    /// When there are fewer batches than tasks, or the tasks differ in what is observed or commanded.
+    pub fn new(tasks: &[E::Task], settings: &AnalyticSettings, seed: Seed) -> Result<Self, AnalyticError> {
+        let shape = E::shape(&tasks[0]);
+        assert!(tasks.iter().all(|task| E::shape(task) == shape), "one policy needs one layout");
         if shape.image.is_some() {
             return Err(AnalyticError::Images);
         }
         if settings.environments == 0 || !settings.environments.is_multiple_of(E::ENVIRONMENTS) {
             return Err(AnalyticError::Environments { found: settings.environments, expected: E::ENVIRONMENTS });
         }
+        let batches = settings.environments / E::ENVIRONMENTS;
+        assert!(batches >= tasks.len(), "every task needs a batch of environments");
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
         let lengths = ActorLengths { observation: shape.observation_len, action: shape.action_len };
         let hidden = &settings.actor_hidden;
@@ -206,13 +219,15 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let actor = Actor::new(lengths, front, hidden, LOG_STD, &mut weights(0));
         let actor = actor.with_activation(settings.activation);
         let critic = Critic::state_based(shape.observation_len + shape.privileged_len, hidden, 1, &mut weights(1));
-        let tape = E::tape(task, settings.steps_per_window).map_err(AnalyticError::Task)?;
+        let tape = |task| E::tape(task, settings.steps_per_window).map_err(AnalyticError::Task);
+        let tapes = tasks.iter().map(tape).collect::<Result<Vec<_>, _>>()?;
         let batch = |index: usize| {
-            let environment = E::begin(task, seed, (index * E::ENVIRONMENTS) as u32, E::ENVIRONMENTS);
-            Batch::new(environment, tape.clone(), (&actor, &shape), settings.steps_per_window)
+            let task = index % tasks.len();
+            let environment = E::begin(&tasks[task], seed, (index * E::ENVIRONMENTS) as u32, E::ENVIRONMENTS);
+            Batch::new(environment, tapes[task].clone(), (&actor, &shape), settings.steps_per_window)
         };
         Ok(Self {
-            batches: (0..settings.environments / E::ENVIRONMENTS).map(batch).collect(),
+            batches: (0..batches).map(batch).collect(),
             settings: settings.clone(),
             seed,
             optimiser: Adam::new(actor.parameters().len()),
@@ -227,6 +242,11 @@ impl<E: Differentiable> AnalyticTrainer<E> {
     /// A window of flight, the derivative of its rewards, and a step along it. The bits do not depend on the number of
     /// threads of the current rayon pool.
     pub fn update(&mut self) -> UpdateMetrics {
+        self.update_with(&mut FineTuning)
+    }
+
+    /// As [`Self::update`], regularised towards what earlier tasks left behind.
+    pub fn update_with(&mut self, regulariser: &mut impl Regulariser) -> UpdateMetrics {
         let start = Instant::now();
         let (actor, first) = (&self.actor, self.updates * self.batches.len() as u64);
         let restarts = |batch: usize| Stream::new(self.seed, (first + batch as u64) as u32, Purpose::Shuffle);
@@ -240,7 +260,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         self.batches.par_iter_mut().for_each(|batch| batch.differentiate(actor, limit));
         let mut metrics =
             UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..UpdateMetrics::without_ppo() };
-        self.descend(&mut metrics);
+        self.descend(regulariser, &mut metrics);
         self.updates += 1;
         let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
         self.learning_rate = self.settings.learning_rate.next(self.learning_rate, progress, 0.0);
@@ -253,21 +273,34 @@ impl<E: Differentiable> AnalyticTrainer<E> {
     }
 
     /// One step of Adam along the mean gradient, clipped to the longest.
-    fn descend(&mut self, metrics: &mut UpdateMetrics) {
-        self.gradient.fill(0.0);
-        for batch in &self.batches {
-            dispatch(Accumulate { values: &batch.gradient, sums: &mut self.gradient });
-        }
+    fn descend(&mut self, regulariser: &mut impl Regulariser, metrics: &mut UpdateMetrics) {
+        self.sum_gradients();
         let samples = (self.steps_in_update() as f32).max(1.0);
+        let mut loss = Gradient::new(&self.actor, &self.critic);
+        regulariser.add_gradient(Learning { actor: &self.actor, critic: &self.critic }, &mut loss);
+        for (sum, penalty) in self.gradient.iter_mut().zip(&mut loss.actor) {
+            *sum -= samples * *penalty;
+            *penalty = -*sum / samples;
+        }
         let norm = square(&self.gradient).sqrt() / samples;
         let reward: f64 = self.batches.iter().map(|batch| batch.reward).sum();
         (metrics.gradient_norm, metrics.policy_loss) = (norm, -(reward / f64::from(samples)) as f32);
         // Descent, along the negative gradient of what is paid.
-        let scale = -(self.settings.gradient_norm_limit / (norm + 1e-6)).min(1.0) / samples;
-        let gradient = (&self.gradient[..], scale);
+        let scale = (self.settings.gradient_norm_limit / (norm + 1e-6)).min(1.0);
+        let gradient = (&self.gradient[..], -scale / samples);
         if norm.is_finite() {
             let parameters = self.actor.parameters_mut();
             self.optimiser.step_remembering(Remembering::Short, parameters, gradient, self.learning_rate);
+            let step = OptimiserStep { gradient: &loss, scale, learning_rate: self.learning_rate };
+            regulariser.after_step(&mut self.actor, &step);
+        }
+    }
+
+    /// The derivative of the window's rewards by the parameters, of all batches in their order.
+    fn sum_gradients(&mut self) {
+        self.gradient.fill(0.0);
+        for batch in &self.batches {
+            dispatch(Accumulate { values: &batch.gradient, sums: &mut self.gradient });
         }
     }
 
@@ -290,20 +323,25 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         &self.actor
     }
 
+    /// A value function, which nothing trains.
+    pub fn critic(&self) -> &Critic {
+        &self.critic
+    }
+
     /// Goes on with a saved run, to the bits that it would have come to without the interruption.
     ///
     /// # Errors
     /// When the task cannot be trained so, or the state is of another one or of settings of another shape.
     pub fn restore(
-        task: &E::Task,
+        tasks: &[E::Task],
         settings: &AnalyticSettings,
         state: TrainerState<E::State>,
     ) -> Result<Self, AnalyticError> {
-        let mut trainer = Self::new(task, settings, state.seed())?;
+        let mut trainer = Self::new(tasks, settings, state.seed())?;
         state.check((&trainer.actor, &trainer.critic), trainer.batches.len())?;
-        for (batch, saved) in trainer.batches.iter_mut().zip(&state.env_batches) {
+        for (index, (batch, saved)) in trainer.batches.iter_mut().zip(&state.env_batches).enumerate() {
             if !batch.environment.restore(saved) {
-                return Err(RestoreError::Task { task: E::name(task).to_owned() }.into());
+                return Err(RestoreError::Task { task: E::name(&tasks[index % tasks.len()]).to_owned() }.into());
             }
         }
         let memories = trainer.batches.iter_mut().filter_map(|batch| batch.memory.as_mut());
@@ -374,6 +412,12 @@ impl<E: Differentiable> Batch<E> {
                 }
             }
         }
+    }
+
+    /// What the policy's network read in the last window.
+    fn visited(&self) -> Visited<'_> {
+        let slices = self.steps.iter().map(|step| step.inputs.as_slice()).collect();
+        Visited { columns: self.environment.rewards().len(), slices }
     }
 
     /// A window of steps with the mean actions.

@@ -287,7 +287,7 @@ mod tests {
     fn gradients_swing_it_up_too() {
         let settings =
             AnalyticSettings { environments: 256, total_steps: 1_638_400, ..AnalyticSettings::default() };
-        let mut trainer = AnalyticTrainer::<Pendulum>::new(&SwingUp, &settings, Seed(0)).unwrap();
+        let mut trainer = AnalyticTrainer::<Pendulum>::new(&[SwingUp], &settings, Seed(0)).unwrap();
         while trainer.steps() < settings.total_steps {
             trainer.update();
         }

@@ -35,7 +35,6 @@ pub use reference_soar::{ReferenceSoar, ReferenceSoarSettings, SoarRule};
 pub use synaptic_intelligence::{SynapticIntelligence, SynapticIntelligenceSettings};
 
 use crate::actor_critic::{Actor, Critic, Gradient};
-use crate::rollout::Rollout;
 
 /// Standard deviation of the actions at which divergences are measured: with the policy's own, which shrinks in
 /// training, the last task would always weigh most.
@@ -91,12 +90,21 @@ pub struct EndedTask<'a> {
     pub actor: &'a Actor,
     /// Its value function.
     pub critic: &'a Critic,
-    /// Gradient of PPO's loss, laid out as the actor's parameters, on a rollout of that very policy.
+    /// Gradient of the loss, laid out as the actor's parameters, on a flight of that very policy.
     pub gradient: &'a [f32],
-    /// That rollout.
-    pub rollouts: &'a [&'a Rollout],
+    /// What it observed on that flight, one environment batch after the other.
+    pub visited: &'a [Visited<'a>],
     /// Seed of the task's training.
     pub seed: Seed,
+}
+
+/// What a policy observed in one environment batch.
+#[derive(Clone, Debug)]
+pub struct Visited<'a> {
+    /// Samples of a slice, the same for all batches.
+    pub columns: usize,
+    /// Slices `[inputs of the policy's network][columns]`, perhaps with rows behind these that others read.
+    pub slices: Vec<&'a [f32]>,
 }
 
 /// Fine-tuning: nothing keeps earlier tasks.

@@ -13,6 +13,7 @@ use crate::gaussian::Noise;
 use crate::gru::forget;
 use crate::network::InputBatch;
 use crate::ppo::MemorySettings;
+use crate::regulariser::Visited;
 use critic_input::CriticInput;
 pub use critic_input::CriticScope;
 
@@ -534,6 +535,12 @@ impl Rollout {
             returns: &self.returns[self.column_of(index)],
             outcomes: &self.outcomes[self.column_of(index)],
         }
+    }
+
+    /// What was observed.
+    pub fn visited(&self) -> Visited<'_> {
+        let slices = (0..self.slices()).map(|index| self.input_batch(index).values);
+        Visited { columns: self.columns, slices: slices.collect() }
     }
 
     /// Estimated advantages, `[steps][rows]`.

@@ -77,7 +77,7 @@ const NATURE_1: &[&str] = &[NATURE_4[0], NATURE_4[1], NATURE_4[2], NATURE_4[3], 
 
 /// Environment steps per second of training, rollout and optimisation, on all cores.
 pub(crate) fn seeing(seeing: &Seeing, experiment: &Experiment, duration: Duration) -> Figure {
-    let mut trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, Seed(0));
+    let mut trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.training.ppo, Seed(0));
     trainer.update();
     let per_second = best_rate(duration, || {
         let before = trainer.steps();

@@ -106,8 +106,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         print(json, &bench::eyes(duration))?;
     }
     if arguments.asks_for(Rows::Training) {
-        print(json, &bench::training(scenario, &experiment.ppo, duration))?;
-        let settings = experiment.analytic.clone().unwrap_or_default();
+        print(json, &bench::training(scenario, &experiment.training.ppo, duration))?;
+        let settings = experiment.training.analytic.clone().unwrap_or_default();
         print(json, &Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
     }
     if arguments.asks_for(Rows::Seeing) {

@@ -38,7 +38,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
             continue;
         }
         let about = match &config {
-            RunConfig::One(experiment) => format!("{}, trained by {}", about(experiment), experiment.method()),
+            RunConfig::One(experiment) => {
+                format!("{}, trained by {}", about(experiment), experiment.training.method())
+            }
             RunConfig::Several(study) => {
                 format!("{} tasks, each with {}", study.tasks.len(), about(&study.tasks[0]))
             }

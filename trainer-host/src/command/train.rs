@@ -107,7 +107,7 @@ fn lead_one(
     };
     run.work_with(ranks)?;
     let experiment = run.experiment();
-    begun(run.directory(), experiment.method(), [run.steps(), experiment.total_steps()])?;
+    begun(run.directory(), experiment.training.method(), [run.steps(), experiment.total_steps()])?;
     let silent = experiment.silent_rewards();
     if !silent.is_empty() {
         say(format_args!("No gradient goes through these rewards, which teach nothing: {}", silent.join(", ")))?;

@@ -1,3 +1,5 @@
+use std::slice;
+
 use super::*;
 use crate::experiment_config::load;
 use crate::golden::in_repository;
@@ -207,7 +209,8 @@ fn gradients_through_the_flight_teach_within_a_few_windows_whatever_the_threads(
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let task = scenario(CriticView::Privileged);
-            let mut trainer = AnalyticTrainer::<DroneEnvironment>::new(&task, &settings, Seed(1)).unwrap();
+            let mut trainer =
+                AnalyticTrainer::<DroneEnvironment>::new(slice::from_ref(&task), &settings, Seed(1)).unwrap();
             (0..60).map(|_| -trainer.update().policy_loss).collect::<Vec<f32>>()
         })
     };
@@ -230,7 +233,7 @@ fn learned(task: &str, updates: u32) -> Vec<f32> {
         actor_hidden: vec![16],
         ..AnalyticSettings::default()
     };
-    let begin = || AnalyticTrainer::<DroneEnvironment>::new(&task, &settings, Seed(1)).unwrap();
+    let begin = || AnalyticTrainer::<DroneEnvironment>::new(slice::from_ref(&task), &settings, Seed(1)).unwrap();
     let learn = |threads: usize, updates: u32, mut trainer: AnalyticTrainer<DroneEnvironment>| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let losses: Vec<f32> = pool.install(|| (0..updates).map(|_| trainer.update().policy_loss).collect());
@@ -238,7 +241,7 @@ fn learned(task: &str, updates: u32) -> Vec<f32> {
     };
     let (losses, whole) = learn(1, updates, begin());
     let (first, half) = learn(2, updates / 2, begin());
-    let resumed = AnalyticTrainer::restore(&task, &settings, half.save()).unwrap();
+    let resumed = AnalyticTrainer::restore(slice::from_ref(&task), &settings, half.save()).unwrap();
     let (second, resumed) = learn(2, updates / 2, resumed);
     assert_eq!([first, second].concat(), losses);
     assert_eq!(resumed.actor(), whole.actor());

@@ -34,7 +34,7 @@ fn hover() -> (Scenario, PpoSettings) {
         minibatch: 256,
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
-        ..experiment.ppo
+        ..experiment.training.ppo
     };
     let start = StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 };
     let mut scenario = Scenario { episode_secs: 0.4, ..experiment.scenario };

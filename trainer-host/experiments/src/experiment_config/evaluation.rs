@@ -37,6 +37,15 @@ pub struct EvaluationConfig {
     /// 200 after those.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub worlds: Option<WorldsConfig>,
+    /// In the worlds of training instead: how well those are known, which says nothing of others.
+    #[serde(skip_serializing_if = "is_false")]
+    pub trained_worlds: bool,
+}
+
+/// Whether a key that is left out when it says no is left out.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde passes it")]
+pub(crate) fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// How the trained policy is judged, checked.
@@ -63,7 +72,15 @@ impl EvaluationSettings {
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        Self { episodes: 1024, seed: 0, tests: None, start: None, episode_secs: None, worlds: None }
+        Self {
+            episodes: 1024,
+            seed: 0,
+            tests: None,
+            start: None,
+            episode_secs: None,
+            worlds: None,
+            trained_worlds: false,
+        }
     }
 }
 
@@ -107,9 +124,16 @@ impl EvaluationConfig {
     fn unseen_worlds(&self, scenario: &Scenario, field: &Field<'_>) -> Result<Option<Rooms>, ConfigError> {
         let field = field.at("worlds");
         let Some(rooms) = &scenario.drawn else {
+            if self.trained_worlds {
+                return Err(field.reject("`trained_worlds`", "none: only a task with `aviary.drawn` has several"));
+            }
             let refused = |_| field.reject("worlds", "none: only a task with `aviary.drawn` has several");
             return self.worlds.map_or(Ok(None), |worlds| Err(refused(worlds)));
         };
+        if self.trained_worlds {
+            let refused = |_| field.reject("worlds beside `trained_worlds`", "one of both");
+            return self.worlds.map_or(Ok(None), |worlds| Err(refused(worlds)));
+        }
         let training = rooms.range();
         let range = match self.worlds {
             Some(worlds) => worlds.check(&field)?,

@@ -125,7 +125,7 @@ fn count(value: u64, field: &Field<'_>) -> Result<u16, ConfigError> {
 }
 
 /// Refuses an eye that the images of a camera do not suit; `field` is the training's.
-pub(crate) fn refuse_unsuited_encoder(
+pub(super) fn refuse_unsuited_encoder(
     encoder: &EncoderSettings,
     camera: Option<&OnboardCamera>,
     field: &Field<'_>,

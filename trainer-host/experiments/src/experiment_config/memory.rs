@@ -57,7 +57,7 @@ impl MemoryConfig {
 }
 
 /// Refuses a memory where it cannot be; `field` is the training's.
-pub(crate) fn refuse_unsuited_memory(
+pub(super) fn refuse_unsuited_memory(
     ppo: &PpoSettings,
     task: &Scenario,
     field: &Field<'_>,

@@ -36,7 +36,7 @@ impl TeacherConfig {
 }
 
 /// Refuses a teacher where the task has no map for it; `field` is the training's.
-pub(crate) fn refuse_lost_teacher(
+pub(super) fn refuse_lost_teacher(
     teacher: Option<TeacherSettings>,
     task: &Scenario,
     field: &Field<'_>,

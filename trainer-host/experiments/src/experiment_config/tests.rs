@@ -65,7 +65,7 @@ fn a_minimal_file_is_enough() {
     assert_eq!(experiment.scenario.episode_steps(), 800);
     assert_eq!(experiment.evaluation.episodes, 1024);
     assert_eq!(experiment.evaluation.scenario, experiment.scenario);
-    assert_eq!(experiment.ppo.check(), Ok(()));
+    assert_eq!(experiment.training.ppo.check(), Ok(()));
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn a_key_with_nothing_below_it_keeps_its_defaults() {
     let text =
         MINIMAL.replace("scenario:\n", "training:\nevaluation:\nscenario:\n  physics:\n  action: rotor_speeds\n");
     let (found, minimal) = (trial(&text).unwrap(), trial(MINIMAL).unwrap());
-    assert_eq!((found.scenario, found.ppo), (minimal.scenario, minimal.ppo));
+    assert_eq!((found.scenario, found.training.ppo), (minimal.scenario, minimal.training.ppo));
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn hover_is_judged_by_hard_starts_on_drones_that_differ() {
     assert_eq!(hover.scenario.success, Success::Settle { radius_m: 0.05, within_secs: 4.0 });
     let randomisation = hover.scenario.randomisation;
     assert!(randomisation.mass > 0.0 && randomisation.rotor_lag[0] < 1.0 && randomisation.wind_speed > 0.0);
-    assert_eq!(hover.ppo.check(), Ok(()));
+    assert_eq!(hover.training.ppo.check(), Ok(()));
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn cross_has_four_walls_and_a_pad() {
     let pad = cross.scenario.aviary.world.bounds()[4];
     assert_eq!((pad.low.as_slice(), pad.high.as_slice()), (&[4.0, -1.0, 0.0][..], &[5.0, 1.0, 0.1][..]));
     assert_eq!(cross.evaluation.episodes, 256);
-    assert_eq!(cross.ppo.check(), Ok(()));
+    assert_eq!(cross.training.ppo.check(), Ok(()));
 }
 
 #[test]
@@ -130,9 +130,9 @@ fn overrides_change_what_they_name() {
         "name=other",
     ];
     let experiment = parse("trial.yaml", MINIMAL, &overrides.map(str::to_owned)).unwrap();
-    assert_eq!((experiment.ppo.epochs, experiment.ppo.total_steps), (7, 2_000_000));
-    assert_eq!(experiment.ppo.actor_hidden, [32, 16]);
-    assert_eq!(experiment.ppo.learning_rate, Schedule::Constant(3e-4));
+    assert_eq!((experiment.training.ppo.epochs, experiment.training.ppo.total_steps), (7, 2_000_000));
+    assert_eq!(experiment.training.ppo.actor_hidden, [32, 16]);
+    assert_eq!(experiment.training.ppo.learning_rate, Schedule::Constant(3e-4));
     assert_eq!(experiment.scenario.rewards[0].weight(), 5.0);
     assert!(matches!(experiment.scenario.action, ActionSpace::ThrustBodyRates(_)));
     assert_eq!(experiment.scenario.name, "other");
@@ -179,7 +179,7 @@ fn what_cannot_be_trained_is_refused_before_it_begins() {
          side in teams of 3"
     );
     let fitting = [&overrides[..], &["training.environments=768".to_owned()]].concat();
-    assert_eq!(load_to_train(&path, &fitting).unwrap().ppo.environments, 768);
+    assert_eq!(load_to_train(&path, &fitting).unwrap().training.ppo.environments, 768);
 }
 
 #[test]
@@ -194,18 +194,18 @@ fn every_task_that_ships_is_ready_to_train() {
     let gates = load_to_train(&in_repository("configs/examples/two-gates.yaml"), &[]).unwrap();
     assert_eq!(gates.scenario.observation.len(), 22 + 16, "the part `navigate` shows its beams");
     let trio = load_to_train(&in_repository("configs/aviaries/multi-cross.yaml"), &[]).unwrap();
-    assert_eq!((trio.scenario.agents.count, trio.ppo.environments), (3, 1536));
+    assert_eq!((trio.scenario.agents.count, trio.training.ppo.environments), (3, 1536));
 }
 
 #[test]
 fn a_crossing_team_is_ready_to_train() {
     let path = in_repository("configs/aviaries/crossing-3.yaml");
     let crossing = load_to_train(&path, &[]).unwrap();
-    assert_eq!(crossing.ppo.critic_scope, CriticScope::Team);
+    assert_eq!(crossing.training.ppo.critic_scope, CriticScope::Team);
     // Pilot, and position and velocity of two mates.
     assert_eq!(crossing.scenario.observation.len(), 22 + 12);
     let ippo = ["training.critic_scope=own".to_owned()];
-    assert_eq!(load_to_train(&path, &ippo).unwrap().ppo.critic_scope, CriticScope::Own);
+    assert_eq!(load_to_train(&path, &ippo).unwrap().training.ppo.critic_scope, CriticScope::Own);
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn actor_critic_and_reinforce_make_one_step_of_each_rollout() {
     for part in ["a2c", "reinforce"] {
         let path = in_repository(&format!("configs/parts/{part}.yaml"));
         let import = format!("training: {{ import: {} }}\n", path.display());
-        let ppo = trial(&format!("{MINIMAL}{import}")).unwrap().ppo;
+        let ppo = trial(&format!("{MINIMAL}{import}")).unwrap().training.ppo;
         assert_eq!((ppo.epochs, ppo.minibatch, ppo.gae_lambda), (1, ppo.batch(), 1.0), "{part}");
         assert_eq!((ppo.entropy_weight, ppo.target_kl), (0.0, None), "{part}");
     }
@@ -321,7 +321,8 @@ fn gradients_are_refused_where_none_go() {
 #[test]
 fn hover_learns_by_gradients_unless_told_otherwise() {
     let load = |sets: &[String]| load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
-    let by = |experiment: &Experiment| (experiment.method(), experiment.total_steps(), experiment.batch());
+    let by =
+        |experiment: &Experiment| (experiment.training.method(), experiment.total_steps(), experiment.batch());
     let (gradients, ppo) = (load(&[]), load(&["training.analytic=null".to_owned()]));
     assert_eq!(by(&gradients), ("gradients through the physics", 3_686_400, 128 * 48));
     assert_eq!(by(&ppo), ("PPO", 4_915_200, 1024 * 32));
@@ -365,4 +366,19 @@ fn policies_are_judged_in_worlds_that_training_does_not_draw() {
     assert_eq!((range.seed, range.first, range.count), (Seed(0), 512, 200));
     let fixed = trial(&format!("{MINIMAL}evaluation: {{ worlds: {{ count: 3 }} }}\n")).unwrap_err().to_string();
     assert!(fixed.contains("evaluation.worlds: found worlds, expected none"), "{fixed}");
+}
+
+#[test]
+fn policies_are_judged_in_the_worlds_of_training_where_that_is_asked_for() {
+    let path = in_repository("configs/aviaries/unseen-rooms.yaml");
+    let known = load(&path, &["evaluation={trained_worlds: true}".to_owned()]).unwrap();
+    assert_eq!(known.evaluation.scenario.drawn, known.scenario.drawn);
+    assert_eq!(known.evaluation.selection(), &known.evaluation.scenario);
+    let both = refused_rooms(&["evaluation={trained_worlds: true, worlds: {count: 3}}"]);
+    assert!(
+        both.contains("evaluation.worlds: found worlds beside `trained_worlds`, expected one of both"),
+        "{both}"
+    );
+    let fixed = trial(&format!("{MINIMAL}evaluation: {{ trained_worlds: true }}\n")).unwrap_err().to_string();
+    assert!(fixed.contains("found `trained_worlds`, expected none"), "{fixed}");
 }

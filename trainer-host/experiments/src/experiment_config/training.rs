@@ -1,5 +1,7 @@
 //! How the policy is trained.
 
+use std::sync::Arc;
+
 use kestrel_sim::config::{ConfigError, Field, Limits};
 use kestrel_sim::gradient::LANES;
 use schemars::JsonSchema;
@@ -12,8 +14,10 @@ use kestrel_learn::rollout::{CriticScope, ENV_BATCH, batch_rows};
 use kestrel_learn::schedule::Schedule;
 
 use super::eye::EyeConfig;
+use super::initial_policy::InitialPolicyConfig;
 use super::memory::MemoryConfig;
 use super::teacher::TeacherConfig;
+use crate::learner::LearnerSettings;
 
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
@@ -99,6 +103,9 @@ pub struct TrainingConfig {
     pub teacher: Option<TeacherConfig>,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
+    /// What training begins with in place of random weights.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_policy: Option<InitialPolicyConfig>,
     /// Train by gradients through the physics instead of PPO, whose keys then wait until this one is taken away.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analytic: Option<AnalyticConfig>,
@@ -282,6 +289,7 @@ impl Default for TrainingConfig {
             quantised_from: None,
             teacher: None,
             reward_scale: 1.0,
+            initial_policy: None,
             analytic: None,
         }
     }
@@ -299,11 +307,20 @@ impl TrainingConfig {
         self.environments.unwrap_or(ENVIRONMENTS)
     }
 
-    /// The settings of PPO.
+    /// The settings of whoever trains.
     ///
     /// # Errors
-    /// When a number is out of range, or sizes do not fit together.
-    pub fn check(&self, field: &Field<'_>) -> Result<PpoSettings, ConfigError> {
+    /// When a number is out of range, sizes do not fit together, or the initial policy has another shape.
+    pub fn check(&self, field: &Field<'_>) -> Result<LearnerSettings, ConfigError> {
+        let (ppo, analytic) = (self.check_ppo(field)?, self.check_analytic(field)?);
+        let settings = LearnerSettings { ppo, analytic, initial_policy: None };
+        let Some(policy) = &self.initial_policy else { return Ok(settings) };
+        let policy = policy.check(&settings, &field.at("initial_policy"))?;
+        Ok(LearnerSettings { initial_policy: Some(Arc::new(policy)), ..settings })
+    }
+
+    /// The settings of PPO.
+    fn check_ppo(&self, field: &Field<'_>) -> Result<PpoSettings, ConfigError> {
         self.check_sizes(field)?;
         let number = |key: &str, value: f64, limits: Limits| field.at(key).number(value, &limits);
         let log_std = Limits::from(self.lowest_log_std, self.highest_log_std, "");
@@ -362,20 +379,12 @@ impl TrainingConfig {
     }
 
     /// The settings of training by gradients through the physics, where it is asked for.
-    pub(super) fn check_analytic(&self, field: &Field<'_>) -> Result<Option<AnalyticSettings>, ConfigError> {
+    fn check_analytic(&self, field: &Field<'_>) -> Result<Option<AnalyticSettings>, ConfigError> {
         let Some(analytic) = &self.analytic else { return Ok(None) };
         let actor_hidden = hidden(&self.actor_hidden, &field.at("actor_hidden"))?;
         let settings = analytic.check((actor_hidden, self.activation.activation()), &field.at("analytic"))?;
         let memory_units = self.memory.map_or(0, |memory| memory.units as usize);
         Ok(Some(AnalyticSettings { memory_units, ..settings }))
-    }
-
-    /// Refuses [`Self::analytic`] where PPO trains.
-    pub(crate) fn refuse_analytic(&self, field: &Field<'_>) -> Result<(), ConfigError> {
-        match self.analytic {
-            None => Ok(()),
-            Some(_) => Err(field.at("analytic").refuse("", "none: studies train by PPO")),
-        }
     }
 
     /// Environments, rollout, minibatch and total divide each other.

@@ -48,7 +48,7 @@ fn mean_of_tasks(data: &StudyData, run: &Run, value: fn(&Cell) -> f64) -> f64 {
 fn area(study: &Study, data: &StudyData, run: &Run) -> f64 {
     let tasks = data.order(run).len();
     let stages = study.methods[run.method].procedure.stages(tasks);
-    let budget = (study.training_of(run.method).total_steps * tasks as u64 / stages as u64) as f64;
+    let budget = (study.training_of(run.method).total_steps() * tasks as u64 / stages as u64) as f64;
     let of_stage = |stage: usize| {
         let (mut sum, mut since, mut last) = (0.0, 0.0, 0.0);
         for row in run.curve_of(stage) {

@@ -22,10 +22,10 @@ use claim::Claim;
 
 use crate::config_file::ConfigFile;
 use crate::experiment_config::{
-    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_batches, refuse_lost_teacher,
-    refuse_unsuited_encoder, refuse_unsuited_memory,
+    Experiment, ExperimentConfig, TrainingConfig, check_name, is_false, refuse_broken_batches,
+    refuse_unsuited_training, refuse_without_derivatives,
 };
-use kestrel_learn::ppo::PpoSettings;
+use crate::learner::LearnerSettings;
 
 /// Version of the file format that this program reads.
 pub const VERSION: u32 = 1;
@@ -59,7 +59,7 @@ pub struct StudyConfig {
     /// How often each method learns each order.
     #[serde(default)]
     pub seeds: SeedsConfig,
-    /// How each task is trained (PPO); `total_steps` is for one task, `seed` is not used.
+    /// How each task is trained; `total_steps` is for one task, `seed` is not used.
     #[serde(default)]
     pub training: TrainingConfig,
     /// How policies are judged.
@@ -119,11 +119,21 @@ pub struct StudyEvaluationConfig {
     /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_success: Option<f64>,
+    /// Whether a stage also begins with such a flight, and is over without an update where that reaches `stop_at_success`.
+    #[serde(skip_serializing_if = "is_false")]
+    pub skip_solved: bool,
 }
 
 impl Default for StudyEvaluationConfig {
     fn default() -> Self {
-        Self { episodes: 100, seed: 0, flights_per_stage: 10, flight_episodes: 32, stop_at_success: None }
+        Self {
+            episodes: 100,
+            seed: 0,
+            flights_per_stage: 10,
+            flight_episodes: 32,
+            stop_at_success: None,
+            skip_solved: false,
+        }
     }
 }
 
@@ -165,6 +175,8 @@ pub struct StudyEvaluation {
     pub flight_episodes: usize,
     /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
     pub stop_at_success: Option<f64>,
+    /// Whether a stage whose tasks are flown so well before it is over at once.
+    pub skip_solved: bool,
 }
 
 /// The study in the file at `path`, after `overrides` such as `seeds.count=3`.
@@ -199,7 +211,6 @@ impl StudyConfig {
         check_name(&self.name, &root.at("name"))?;
         let tasks = check_tasks(&self.tasks, &root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
-        self.training.refuse_analytic(&root.at("training"))?;
         let training = self.training.for_teams(teams(&tasks)).check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
         refuse_unsuited(&tasks, &training, &root.at("training"))?;
@@ -229,7 +240,7 @@ impl StudyConfig {
         &self,
         field: &Field<'_>,
         tasks: &[Experiment],
-        training: &PpoSettings,
+        training: &LearnerSettings,
     ) -> Result<Vec<Method>, ConfigError> {
         if self.methods.is_empty() {
             return Err(field.refuse("", "at least one method"));
@@ -247,11 +258,9 @@ impl StudyConfig {
                 refuse_unsuited(tasks, training, &field.at("training"))?;
             }
             refuse_lost_images(tasks, &checked.procedure, &field.at("learn"))?;
-            refuse_lost_memory(
-                checked.training.as_ref().unwrap_or(training),
-                &checked.procedure,
-                &field.at("learn"),
-            )?;
+            let training = checked.training.as_ref().unwrap_or(training);
+            refuse_lost_memory(training, &checked.procedure, &field.at("learn"))?;
+            refuse_unshared(training, &checked.procedure, &field.at("learn"))?;
             methods.push(checked);
         }
         Ok(methods)
@@ -310,7 +319,7 @@ fn refuse_lost_images(tasks: &[Experiment], procedure: &Procedure, learn: &Field
 
 /// Refuses a memory where methods of continual learning would show the policy single observations.
 fn refuse_lost_memory(
-    training: &PpoSettings,
+    training: &LearnerSettings,
     procedure: &Procedure,
     learn: &Field<'_>,
 ) -> Result<(), ConfigError> {
@@ -318,10 +327,30 @@ fn refuse_lost_memory(
         Procedure::Joint | Procedure::Experts => true,
         Procedure::Sequential { .. } | Procedure::Sharing { .. } | Procedure::Distil { .. } => false,
     };
-    if training.memory.is_none() || keeps_it {
+    if training.ppo.memory.is_none() || keeps_it {
         return Ok(());
     }
     Err(learn.reject("policies with a memory", "`joint` or `experts`: other methods do not carry a hidden state"))
+}
+
+/// Refuses a training that learners whose policies are averaged do not have.
+fn refuse_unshared(
+    training: &LearnerSettings,
+    procedure: &Procedure,
+    learn: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let refuse = |found| {
+        Err(learn.reject(format!("`sharing` beside {found}"), "PPO from random weights, or another way to learn"))
+    };
+    match procedure {
+        Procedure::Sharing { .. } if training.analytic.is_some() => refuse("`analytic`"),
+        Procedure::Sharing { .. } if training.initial_policy.is_some() => refuse("`initial_policy`"),
+        Procedure::Sharing { .. }
+        | Procedure::Sequential { .. }
+        | Procedure::Joint
+        | Procedure::Experts
+        | Procedure::Distil { .. } => Ok(()),
+    }
 }
 
 /// Drones of each task that fly together.
@@ -357,20 +386,33 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
     Ok(())
 }
 
-/// Refuses a training with an eye or a teacher that some task does not suit.
-fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+/// Refuses a training that some task does not suit.
+fn refuse_unsuited(
+    tasks: &[Experiment],
+    training: &LearnerSettings,
+    field: &Field<'_>,
+) -> Result<(), ConfigError> {
     tasks.iter().try_for_each(|task| {
-        refuse_unsuited_encoder(&training.encoder, task.scenario.camera.as_ref(), field)?;
-        refuse_lost_teacher(training.teacher, &task.scenario, field)?;
-        refuse_unsuited_memory(training, &task.scenario, field)
+        refuse_unsuited_training(training, &task.scenario, field)?;
+        match training.analytic {
+            Some(_) => refuse_without_derivatives(&task.scenario, &field.at("analytic")),
+            None => Ok(()),
+        }
     })
 }
 
 /// Refuses tasks whose teams this training cannot have side by side.
-fn refuse_other_teams(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+fn refuse_other_teams(
+    tasks: &[Experiment],
+    training: &LearnerSettings,
+    field: &Field<'_>,
+) -> Result<(), ConfigError> {
+    if training.analytic.is_some() {
+        return Ok(());
+    }
     let scenarios: Vec<Scenario> = tasks.iter().map(|task| task.scenario.clone()).collect();
-    refuse_broken_batches(&scenarios, training.environments, field)?;
-    let read = |scenario: &Scenario| training.critic_scope.agents(scenario.agents.count as usize);
+    refuse_broken_batches(&scenarios, training.ppo.environments, field)?;
+    let read = |scenario: &Scenario| training.ppo.critic_scope.agents(scenario.agents.count as usize);
     match scenarios.iter().find(|scenario| read(scenario) != read(&scenarios[0])) {
         None => Ok(()),
         Some(other) => {
@@ -445,12 +487,16 @@ impl StudyEvaluationConfig {
     fn check(&self, field: &Field<'_>) -> Result<StudyEvaluation, ConfigError> {
         let share = Limits::above(0.0, 1.0, "");
         let stop = self.stop_at_success.map(|share_of| field.at("stop_at_success").real(share_of, &share));
+        if self.skip_solved && self.stop_at_success.is_none() {
+            return Err(field.at("skip_solved").refuse("true", "false, or `stop_at_success` beside it"));
+        }
         Ok(StudyEvaluation {
             episodes: field.at("episodes").whole(self.episodes, 1..=100_000)? as usize,
             seed: Seed(self.seed),
             flights_per_stage: field.at("flights_per_stage").whole(self.flights_per_stage, 1..=10_000)?,
             flight_episodes: field.at("flight_episodes").whole(self.flight_episodes, 1..=100_000)? as usize,
             stop_at_success: stop.transpose()?,
+            skip_solved: self.skip_solved,
         })
     }
 }

@@ -3,6 +3,7 @@
 use std::mem;
 use std::sync::Arc;
 
+use kestrel_sim::gradient::LANES;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, philox};
 use serde::{Deserialize, Serialize};
@@ -11,11 +12,13 @@ use super::procedure::{Procedure, WarmStartRule};
 use super::rows::{CurveRow, EpisodeRow};
 use super::sharing::{PolicySharing, SharingState};
 use super::{JobId, Study};
-use crate::drone_environment::{Trainer, TrainerState};
+use crate::drone_environment::TrainerState;
 use crate::evaluation::{Flyer, Starts, fly_episodes};
+use crate::learner::{Learner, LearnerSettings, RankError};
 use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::analytic::{AnalyticError, AnalyticSettings};
 use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, UpdateMetrics, WarmStart};
-use kestrel_learn::ranks::{self, Ranks, UnequalShares};
+use kestrel_learn::ranks::{self, Ranks};
 use kestrel_learn::regulariser::{Learning, Regulariser, RegulariserSettings, ShippedRegulariser, distil};
 use kestrel_learn::rollout::batch_rows;
 
@@ -24,7 +27,7 @@ use kestrel_learn::rollout::batch_rows;
 pub struct JobRun<'a> {
     study: &'a Study,
     id: JobId,
-    learner: Learner,
+    learner: StageLearner,
     progress: JobProgress,
     ranks: Arc<dyn Ranks>,
 }
@@ -46,8 +49,8 @@ struct JobProgress {
 
 /// Who learns in the stage in progress.
 #[derive(Clone, Debug)]
-enum Learner {
-    One(Box<Trainer>),
+enum StageLearner {
+    One(Learner),
     Many(Box<PolicySharing>),
 }
 
@@ -96,8 +99,8 @@ impl<'a> JobRun<'a> {
         let learner = learner(study, id, 0);
         let actor = learner.actor();
         let critic = match &learner {
-            Learner::One(trainer) => Some(trainer.critic().clone()),
-            Learner::Many(_) => None,
+            StageLearner::One(trainer) => Some(trainer.critic().clone()),
+            StageLearner::Many(_) => None,
         };
         let memory = match (&study.methods[id.method].procedure, critic) {
             (Procedure::Sequential { regulariser, .. }, Some(critic)) => {
@@ -128,17 +131,19 @@ impl<'a> JobRun<'a> {
     ///
     /// # Errors
     /// When it is of another study.
-    pub fn restore(study: &'a Study, id: JobId, state: JobState) -> Result<Self, RestoreError> {
+    pub fn restore(study: &'a Study, id: JobId, state: JobState) -> Result<Self, AnalyticError> {
         let mut fresh = learner(study, id, state.progress.stage);
         let tasks = stage_tasks(study, id, state.progress.stage);
         let settings = stage_settings(study, id);
         match (&mut fresh, state.learner) {
-            (Learner::One(trainer), LearnerState::One(saved)) => {
-                **trainer = Trainer::restore(&tasks, &settings, *saved)?;
+            (StageLearner::One(trainer), LearnerState::One(saved)) => {
+                *trainer = Learner::restore(&tasks, &settings, *saved)?;
             }
-            (Learner::Many(sharing), LearnerState::Many(saved)) => sharing.restore(&settings, &tasks, saved)?,
-            (Learner::One(_), LearnerState::Many(_)) | (Learner::Many(_), LearnerState::One(_)) => {
-                return Err(RestoreError::Task { task: study.name.clone() });
+            (StageLearner::Many(sharing), LearnerState::Many(saved)) => {
+                sharing.restore(&settings.ppo, &tasks, saved)?;
+            }
+            (StageLearner::One(_), LearnerState::Many(_)) | (StageLearner::Many(_), LearnerState::One(_)) => {
+                return Err(RestoreError::Task { task: study.name.clone() }.into());
             }
         }
         Ok(Self { study, id, learner: fresh, progress: state.progress, ranks: ranks::alone() })
@@ -148,7 +153,7 @@ impl<'a> JobRun<'a> {
     ///
     /// # Errors
     /// When it cannot be dealt to so many equally.
-    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
         self.ranks = Arc::clone(ranks);
         self.learner.work_with(ranks)
     }
@@ -156,8 +161,8 @@ impl<'a> JobRun<'a> {
     /// What [`Self::restore`] goes on from; all its ranks save at once.
     pub fn save(&self) -> JobState {
         let learner = match &self.learner {
-            Learner::One(trainer) => LearnerState::One(Box::new(trainer.save())),
-            Learner::Many(sharing) => LearnerState::Many(sharing.save()),
+            StageLearner::One(trainer) => LearnerState::One(Box::new(trainer.save())),
+            StageLearner::Many(sharing) => LearnerState::Many(sharing.save()),
         };
         JobState { learner, progress: self.progress.clone() }
     }
@@ -175,21 +180,32 @@ impl<'a> JobRun<'a> {
         self.progress.stage == self.stages()
     }
 
-    /// One update, and what is due after it.
+    /// One update, and what is due after it; none of a stage that is over before it began (`skip_solved`).
     ///
     /// # Panics
     /// When the job is finished.
     pub fn advance(&mut self) -> Advance {
         assert!(!self.is_finished(), "a finished job has nothing left to do");
+        if self.study.evaluation.skip_solved && self.learner.steps() == 0 {
+            let flown = self.fly();
+            if self.is_solved(&flown) {
+                let ended = Some(self.end_stage());
+                return Advance { update: UpdateMetrics::without_ppo(), flown, ended };
+            }
+        }
         let update = match &mut self.learner {
-            Learner::One(trainer) => trainer.update_with(&mut self.progress.memory),
-            Learner::Many(sharing) => UpdateMetrics::together(&sharing.update()).expect("a study has tasks"),
+            StageLearner::One(trainer) => trainer.update_with(&mut self.progress.memory),
+            StageLearner::Many(sharing) => UpdateMetrics::together(&sharing.update()).expect("a study has tasks"),
         };
         let flown = if self.flight_is_due() { self.fly() } else { Vec::new() };
-        let stop = self.study.evaluation.stop_at_success;
-        let solved = !flown.is_empty() && stop.is_some_and(|stop| flown.iter().all(|(_, share)| *share >= stop));
-        let ends = solved || self.learner.steps() >= self.stage_steps();
+        let ends = self.is_solved(&flown) || self.learner.steps() >= self.stage_steps();
         Advance { update, flown, ended: ends.then(|| self.end_stage()) }
+    }
+
+    /// Whether flights of the stage's tasks are successful enough.
+    fn is_solved(&self, flown: &[(usize, f64)]) -> bool {
+        let stop = self.study.evaluation.stop_at_success;
+        !flown.is_empty() && stop.is_some_and(|stop| flown.iter().all(|(_, share)| *share >= stop))
     }
 
     /// The policy as it is now: what is flown and kept.
@@ -278,12 +294,12 @@ impl<'a> JobRun<'a> {
     fn end_stage(&mut self) -> (usize, Actor) {
         let study = self.study;
         match (&mut self.learner, &study.methods[self.id.method].procedure) {
-            (Learner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) => {
+            (StageLearner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) => {
                 let WarmStartRule { log_std, learner, .. } = *warm_start_rule;
                 trainer.consolidate(&mut self.progress.memory);
                 self.progress.warm_start = Some(trainer.warm_start(log_std, learner));
             }
-            (Learner::One(trainer), Procedure::Distil { distillation, .. }) => {
+            (StageLearner::One(trainer), Procedure::Distil { distillation, .. }) => {
                 let keeper = self.progress.keeper.get_or_insert_with(|| trainer.actor().clone());
                 if let ShippedRegulariser::Coreset(coreset) = &self.progress.memory {
                     // The first task's policy is the keeper itself.
@@ -294,7 +310,7 @@ impl<'a> JobRun<'a> {
                 trainer.consolidate(&mut self.progress.memory);
             }
             (
-                Learner::One(_) | Learner::Many(_),
+                StageLearner::One(_) | StageLearner::Many(_),
                 Procedure::Sequential { .. }
                 | Procedure::Distil { .. }
                 | Procedure::Joint
@@ -316,7 +332,7 @@ impl<'a> JobRun<'a> {
         self.learner = learner(self.study, self.id, self.progress.stage);
         self.learner.work_with(&self.ranks).expect("stages differ in their tasks, not in what is dealt");
         let Procedure::Sequential { warm_start_rule, .. } = self.procedure() else { return };
-        if let (Learner::One(trainer), Some(warm_start), CarryOver::CarriedOver) =
+        if let (StageLearner::One(trainer), Some(warm_start), CarryOver::CarriedOver) =
             (&mut self.learner, &self.progress.warm_start, warm_start_rule.policy)
         {
             trainer.start_from(warm_start);
@@ -344,7 +360,7 @@ impl<'a> JobRun<'a> {
     }
 }
 
-impl Learner {
+impl StageLearner {
     fn actor(&self) -> Actor {
         match self {
             Self::One(trainer) => trainer.actor().clone(),
@@ -352,10 +368,10 @@ impl Learner {
         }
     }
 
-    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
         match self {
             Self::One(trainer) => trainer.work_with(ranks),
-            Self::Many(sharing) => sharing.work_with(ranks),
+            Self::Many(sharing) => Ok(sharing.work_with(ranks)?),
         }
     }
 
@@ -368,16 +384,17 @@ impl Learner {
 }
 
 /// Who learns in a stage, without what it inherits.
-fn learner(study: &Study, id: JobId, stage: usize) -> Learner {
+fn learner(study: &Study, id: JobId, stage: usize) -> StageLearner {
     let (tasks, settings) = (stage_tasks(study, id, stage), stage_settings(study, id));
     let seed = study.seeds[id.seed];
     match study.methods[id.method].procedure {
         Procedure::Sharing { every_updates, merge } => {
             let seeds: Vec<Seed> = (0..tasks.len()).map(|task| stage_seed(seed, task)).collect();
-            Learner::Many(Box::new(PolicySharing::new(&tasks, &settings, &seeds, (every_updates, merge))))
+            StageLearner::Many(Box::new(PolicySharing::new(&tasks, &settings.ppo, &seeds, (every_updates, merge))))
         }
         Procedure::Sequential { .. } | Procedure::Joint | Procedure::Experts | Procedure::Distil { .. } => {
-            Learner::One(Box::new(Trainer::new(&tasks, &settings, stage_seed(seed, stage))))
+            let learner = Learner::begin(&tasks, &settings, stage_seed(seed, stage));
+            StageLearner::One(learner.expect("tasks are checked to have the derivatives that are asked for"))
         }
     }
 }
@@ -396,15 +413,25 @@ fn stage_tasks(study: &Study, id: JobId, stage: usize) -> Vec<Scenario> {
 }
 
 /// Settings of a stage: where one learner has several tasks, it has a multiple of environment batches and the steps of all.
-fn stage_settings(study: &Study, id: JobId) -> PpoSettings {
+fn stage_settings(study: &Study, id: JobId) -> LearnerSettings {
     let settings = study.training_of(id.method).clone();
     let tasks = study.orders[id.order].len();
     match study.methods[id.method].procedure {
         Procedure::Joint => {
             let rows = batch_rows(stage_tasks(study, id, 0).iter().map(|task| task.agents.count as usize));
-            let env_batches = (settings.environments / rows).div_ceil(tasks).max(1) * tasks;
-            let total_steps = settings.total_steps * tasks as u64;
-            PpoSettings { environments: env_batches * rows, total_steps, ..settings }
+            let for_all =
+                |environments: usize, rows: usize| (environments / rows).div_ceil(tasks).max(1) * tasks * rows;
+            let ppo = PpoSettings {
+                environments: for_all(settings.ppo.environments, rows),
+                total_steps: settings.ppo.total_steps * tasks as u64,
+                ..settings.ppo
+            };
+            let analytic = settings.analytic.map(|analytic| AnalyticSettings {
+                environments: for_all(analytic.environments, LANES),
+                total_steps: analytic.total_steps * tasks as u64,
+                ..analytic
+            });
+            LearnerSettings { ppo, analytic, ..settings }
         }
         Procedure::Sequential { .. }
         | Procedure::Sharing { .. }

@@ -1,10 +1,11 @@
 //! How a method learns several tasks.
 
-use kestrel_learn::ppo::{CarryOver, PpoSettings};
+use kestrel_learn::ppo::CarryOver;
 use kestrel_learn::regulariser::{CoresetSettings, DistillationSettings, RegulariserSettings};
 
 use super::data::MethodKind;
 pub use super::sharing::Merge;
+use crate::learner::LearnerSettings;
 
 /// Who learns, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +17,7 @@ pub struct Method {
     /// How it learns several tasks.
     pub procedure: Procedure,
     /// How each task is trained, if not as the study says.
-    pub training: Option<PpoSettings>,
+    pub training: Option<LearnerSettings>,
 }
 
 /// How several tasks are learned.

@@ -13,10 +13,11 @@ use super::directory::{RunError, StudyDirectory, lock};
 use super::job::{JobRun, JobState};
 use super::{JobId, Study};
 use crate::interrupt::Interrupt;
+use crate::learner::RankError;
 use crate::progress::Progress;
 use crate::training_run::End;
-use kestrel_learn::ppo::RestoreError;
-use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
+use kestrel_learn::analytic::AnalyticError;
+use kestrel_learn::ranks::{self, Order, Ranks};
 
 /// Time between checkpoints of a job; a kill costs no more.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(10);
@@ -189,10 +190,10 @@ pub fn follow(study: &Study, ranks: &Arc<dyn Ranks>) -> Result<(), FollowError> 
 pub enum FollowError {
     /// It has another study.
     #[error(transparent)]
-    Restore(#[from] RestoreError),
+    Restore(#[from] AnalyticError),
     /// There are too many of them.
     #[error(transparent)]
-    Ranks(#[from] UnequalShares),
+    Ranks(#[from] RankError),
 }
 
 #[cfg(test)]

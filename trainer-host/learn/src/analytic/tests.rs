@@ -1,5 +1,8 @@
 use super::*;
+use crate::network::InputBatch;
 use crate::pendulum::{Pendulum, SwingUp};
+use crate::ppo::CarryOver;
+use crate::regulariser::{CoresetSettings, RegulariserSettings, ShippedRegulariser};
 
 fn settings() -> AnalyticSettings {
     AnalyticSettings { environments: 128, steps_per_window: 20, adjoint_limit: 1e9, ..AnalyticSettings::default() }
@@ -10,7 +13,7 @@ fn remembering() -> AnalyticSettings {
 }
 
 fn trainer(settings: &AnalyticSettings) -> AnalyticTrainer<Pendulum> {
-    AnalyticTrainer::new(&SwingUp, settings, Seed(1)).unwrap()
+    AnalyticTrainer::new(&[SwingUp], settings, Seed(1)).unwrap()
 }
 
 /// Rewards of the first window with a policy.
@@ -69,7 +72,7 @@ fn check_bits(settings: &AnalyticSettings) {
             for _ in 0..3 {
                 trainer.update();
                 if is_interrupted {
-                    trainer = AnalyticTrainer::restore(&SwingUp, settings, trainer.save()).unwrap();
+                    trainer = AnalyticTrainer::restore(&[SwingUp], settings, trainer.save()).unwrap();
                 }
             }
             trainer.actor.parameters().to_vec()
@@ -81,12 +84,79 @@ fn check_bits(settings: &AnalyticSettings) {
 }
 
 #[test]
+fn several_tasks_are_dealt_to_the_batches() {
+    let learn = |tasks: &[SwingUp]| {
+        let mut trainer = AnalyticTrainer::<Pendulum>::new(tasks, &settings(), Seed(1)).unwrap();
+        (0..3).for_each(|_| drop(trainer.update()));
+        trainer.actor.clone()
+    };
+    assert_eq!(learn(&[SwingUp, SwingUp]), learn(&[SwingUp]));
+}
+
+/// A policy that has learned for a while, and what is to be kept of it.
+fn at_the_end_of_a_task(kept: &RegulariserSettings) -> (AnalyticTrainer<Pendulum>, ShippedRegulariser) {
+    let mut trainer = trainer(&settings());
+    (0..10).for_each(|_| drop(trainer.update()));
+    let mut memory = kept.begin(Learning { actor: &trainer.actor, critic: &trainer.critic });
+    trainer.consolidate(&mut memory);
+    (trainer, memory)
+}
+
+#[test]
+fn what_is_kept_of_a_task_holds_the_policy() {
+    let kept = RegulariserSettings::Coreset(CoresetSettings { bytes: Some(8192), strength: 100.0 });
+    let (before, memory) = at_the_end_of_a_task(&kept);
+    let moved = |mut memory: ShippedRegulariser| {
+        let mut trainer = before.clone();
+        (0..30).for_each(|_| drop(trainer.update_with(&mut memory)));
+        let slice = before.batches[0].steps[7].inputs.clone();
+        let act = |actor: &Actor| {
+            let mut actions = vec![0.0; slice.len() / 3];
+            actor.act_mean(InputBatch::without_images(&slice), &mut actions);
+            actions
+        };
+        let actions = act(trainer.actor()).into_iter().zip(act(before.actor()));
+        actions.map(|(one, other)| (one - other).powi(2)).sum::<f32>()
+    };
+    let (held, free) = (moved(memory), moved(ShippedRegulariser::None));
+    assert!(held < 0.1 * free, "{held} {free}");
+}
+
+#[test]
+fn the_gradient_at_the_end_of_a_task_is_that_of_its_loss() {
+    let (mut trainer, _) = at_the_end_of_a_task(&RegulariserSettings::None);
+    let samples = trainer.steps_in_update() as f32;
+    let (gradient, visited) = trainer.ended(|ended| {
+        let sizes = ended.visited.iter().map(|batch| (batch.columns, batch.slices.len())).collect::<Vec<_>>();
+        (ended.gradient.to_vec(), sizes)
+    });
+    assert_eq!(visited, [(64, 20), (64, 20)]);
+    let sums =
+        trainer.batches.iter().map(|batch| &batch.gradient).fold(vec![0.0; gradient.len()], |sums, batch| {
+            sums.iter().zip(batch).map(|(sum, value)| sum + value).collect()
+        });
+    assert!(gradient.iter().zip(&sums).all(|(value, sum)| *value == -sum / samples));
+}
+
+#[test]
+fn a_task_begins_with_what_another_has_learned() {
+    let (earlier, _) = at_the_end_of_a_task(&RegulariserSettings::None);
+    for learner in [CarryOver::CarriedOver, CarryOver::Reinitialised] {
+        let mut later = trainer(&settings());
+        later.start_from(&earlier.warm_start(CarryOver::Reinitialised, learner));
+        assert_eq!(later.actor, earlier.actor);
+        assert_eq!(later.optimiser == earlier.optimiser, learner == CarryOver::CarriedOver);
+    }
+}
+
+#[test]
 fn what_does_not_fit_is_refused() {
     let odd = AnalyticSettings { environments: 100, ..settings() };
-    let refusal = AnalyticTrainer::<Pendulum>::new(&SwingUp, &odd, Seed(0)).unwrap_err();
+    let refusal = AnalyticTrainer::<Pendulum>::new(&[SwingUp], &odd, Seed(0)).unwrap_err();
     assert_eq!(refusal.to_string(), "100 environments: expected a multiple of 64");
     let wide = AnalyticSettings { actor_hidden: vec![8], ..settings() };
-    let refusal = AnalyticTrainer::<Pendulum>::restore(&SwingUp, &wide, trainer(&settings()).save()).unwrap_err();
+    let refusal =
+        AnalyticTrainer::<Pendulum>::restore(&[SwingUp], &wide, trainer(&settings()).save()).unwrap_err();
     assert!(refusal.to_string().contains("the saved actor has layers [3, 64, 64, 1]"), "{refusal}");
 }
 

@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Actor, Critic, Trainer};
 use crate::adam::Adam;
 use crate::environment::Environment;
-use crate::regulariser::{EndedTask, Regulariser};
-use crate::rollout::{EnvBatch, Rollout};
+use crate::regulariser::{EndedTask, Regulariser, Visited};
 
 /// Whether something of an earlier task is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -23,10 +22,36 @@ pub enum CarryOver {
 /// What a task begins with that an earlier one has learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WarmStart {
-    actor: Actor,
-    log_std: CarryOver,
+    pub(crate) actor: Actor,
+    pub(crate) log_std: CarryOver,
     /// Critic, and the optimisers of both networks.
-    learner: Option<(Critic, Adam, Adam)>,
+    pub(crate) learner: Option<(Critic, Adam, Adam)>,
+}
+
+impl WarmStart {
+    /// With the network of a policy and nothing else.
+    pub fn of_policy(actor: Actor) -> Self {
+        Self { actor, log_std: CarryOver::Reinitialised, learner: None }
+    }
+
+    /// Whether a learner with this policy can begin with it.
+    pub fn fits(&self, actor: &Actor) -> bool {
+        self.actor.is_like(actor)
+    }
+
+    /// Makes `actor` its policy.
+    ///
+    /// # Panics
+    /// When that is of another shape.
+    pub(crate) fn place(&self, actor: &mut Actor) {
+        assert!(self.fits(actor), "a policy starts one of its shape");
+        let log_std = actor.log_std().to_vec();
+        actor.clone_from(&self.actor);
+        if self.log_std == CarryOver::Reinitialised {
+            let places = actor.log_std_places();
+            actor.parameters_mut()[places].copy_from_slice(&log_std);
+        }
+    }
 }
 
 impl<E: Environment> Trainer<E> {
@@ -43,12 +68,12 @@ impl<E: Environment> Trainer<E> {
         let all = self.shuffled(0);
         // Nothing has moved since the rollout: every ratio is one, so that this is the policy gradient itself.
         self.differentiate(&all);
-        let rollouts: Vec<&Rollout> = self.env_batches.iter().map(EnvBatch::rollout).collect();
+        let visited: Vec<Visited<'_>> = self.env_batches.iter().map(|batch| batch.rollout().visited()).collect();
         show(&EndedTask {
             actor: &self.actor,
             critic: &self.critic,
             gradient: &self.gradient.actor,
-            rollouts: &rollouts,
+            visited: &visited,
             seed: self.seed,
         })
     }
@@ -58,13 +83,7 @@ impl<E: Environment> Trainer<E> {
     /// # Panics
     /// When it is of another shape.
     pub fn start_from(&mut self, earlier: &WarmStart) {
-        assert!(earlier.actor.is_like(&self.actor), "a policy starts one of its shape");
-        let log_std = self.actor.log_std().to_vec();
-        self.actor.clone_from(&earlier.actor);
-        if earlier.log_std == CarryOver::Reinitialised {
-            let places = self.actor.log_std_places();
-            self.actor.parameters_mut()[places].copy_from_slice(&log_std);
-        }
+        earlier.place(&mut self.actor);
         if let Some((critic, actor_optimiser, critic_optimiser)) = &earlier.learner {
             assert!(critic.is_like(&self.critic), "a critic starts one of its shape");
             self.critic.clone_from(critic);

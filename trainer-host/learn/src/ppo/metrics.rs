@@ -48,7 +48,7 @@ pub struct UpdateMetrics {
 
 impl UpdateMetrics {
     /// NaN where there is no critic, no distribution and no surrogate.
-    pub(crate) fn without_ppo() -> Self {
+    pub fn without_ppo() -> Self {
         let nothing = f32::NAN;
         Self {
             value_loss: nothing,

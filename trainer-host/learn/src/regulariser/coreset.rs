@@ -8,7 +8,7 @@ use kestrel_core::seed::{Purpose, Stream};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, STRENGTH, check_number};
+use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, STRENGTH, Visited, check_number};
 use crate::actor_critic::{Actor, Gradient};
 use crate::network::{InputBatch, Workspace};
 use crate::rollout::ENV_BATCH;
@@ -89,16 +89,15 @@ impl Regulariser for Coreset {
     }
 }
 
-/// Random states of the rollout: each an observation, then the mean action.
+/// Random states of the flight: each an observation, then the mean action.
 pub(super) fn draw_states(ended: &EndedTask<'_>, count: usize) -> Vec<Vec<f32>> {
     let (inputs, actor) = (ended.actor.mlp().inputs(), ended.actor);
     let mut stream = Stream::new(ended.seed, 0, Purpose::Coreset);
     let mut draw = || {
-        let rollout = ended.rollouts[stream.below(ended.rollouts.len() as u32) as usize];
-        let slice = rollout.slice(stream.below(rollout.slices() as u32) as usize);
-        let columns = rollout.columns();
-        let column = stream.below(columns as u32) as usize;
-        let observation = slice.batch.values.chunks_exact(columns).take(inputs).map(|row| row[column]);
+        let Visited { columns, slices } = &ended.visited[stream.below(ended.visited.len() as u32) as usize];
+        let slice = slices[stream.below(slices.len() as u32) as usize];
+        let column = stream.below(*columns as u32) as usize;
+        let observation = slice.chunks_exact(*columns).take(inputs).map(|row| row[column]);
         let mut state: Vec<f32> = observation.collect();
         let mut action = vec![0.0; actor.action_len()];
         actor.act_mean(InputBatch::without_images(&state), &mut action);

@@ -9,11 +9,10 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use serde::{Deserialize, Serialize};
 
-use super::REFERENCE_STD;
 use super::curvature::for_each_tile;
+use super::{REFERENCE_STD, Visited};
 use crate::actor_critic::Actor;
 use crate::network::{Mlp, SampleMatrix};
-use crate::rollout::Rollout;
 
 /// Share of their mean that is added to the diagonals. Without, a policy slides along what costs nothing to the first
 /// order until the higher orders cost it everything: after a second furnished room 0.001 nat were predicted and 0.5 to 2
@@ -53,9 +52,9 @@ impl Kronecker {
     }
 
     /// Of the policy's mean at [`REFERENCE_STD`] \[nat\], exact in the action.
-    pub(super) fn measured(actor: &Actor, rollouts: &[&Rollout]) -> Self {
+    pub(super) fn measured(actor: &Actor, visited: &[Visited<'_>]) -> Self {
         let mut sum = Self::new(actor.mlp());
-        let samples = for_each_tile(actor, rollouts, |inputs, workspace| {
+        let samples = for_each_tile(actor, visited, |inputs, workspace| {
             for output in 0..actor.action_len() {
                 let (_, deltas) = workspace.output_delta();
                 deltas.fill(0.0);

@@ -288,17 +288,14 @@ impl Regulariser for QuadraticPenalty {
                 {
                     *center += share * (now - *center) + gradient_offset / *each;
                 }
-                mean(&fisher(ended.actor, ended.rollouts))
+                mean(&fisher(ended.actor, ended.visited))
             }
             Importance::Diagonal(importance) => {
-                let information = fisher(ended.actor, ended.rollouts);
+                let information = fisher(ended.actor, ended.visited);
                 let newest = mean(&information);
                 let is_sensitivity = curvature == Curvature::Sensitivity;
-                let curvature = normalised(if is_sensitivity {
-                    sensitivity(ended.actor, ended.rollouts)
-                } else {
-                    information
-                });
+                let curvature =
+                    normalised(if is_sensitivity { sensitivity(ended.actor, ended.visited) } else { information });
                 let mut anchor = Anchor { center: &mut self.center, importance };
                 match gradient {
                     GradientTerm::Balance => anchor.consolidate_at(parameters, &curvature, decay),
@@ -310,7 +307,7 @@ impl Regulariser for QuadraticPenalty {
                 newest
             }
             Importance::Kronecker(layers) => {
-                let information = Kronecker::measured(ended.actor, ended.rollouts);
+                let information = Kronecker::measured(ended.actor, ended.visited);
                 layers.add(&information, self.tasks, decay);
                 self.center.copy_from_slice(parameters);
                 information.mean()

@@ -1,6 +1,6 @@
 use super::*;
 use crate::actor_critic::{Actor, ActorLengths, Critic, Gradient};
-use crate::rollout::ENV_BATCH;
+use crate::rollout::{ENV_BATCH, Rollout};
 use kestrel_core::seed::{Purpose, Stream};
 
 const INPUTS: usize = 5;
@@ -30,7 +30,8 @@ fn moved(actor: &Actor, distance: f32, seed: u64) -> Actor {
 
 fn end(memory: &mut ShippedRegulariser, actor: &Actor, critic: &Critic, rollout: &Rollout) {
     let gradient = vec![0.01; actor.parameters().len()];
-    memory.consolidate(&EndedTask { actor, critic, gradient: &gradient, rollouts: &[rollout], seed: Seed(3) });
+    let visited = [rollout.visited()];
+    memory.consolidate(&EndedTask { actor, critic, gradient: &gradient, visited: &visited, seed: Seed(3) });
 }
 
 fn penalty(memory: &mut ShippedRegulariser, actor: &Actor, critic: &Critic) -> Vec<f32> {
@@ -86,7 +87,7 @@ fn compact(bytes: usize, strength: Strength) -> RegulariserSettings {
 #[test]
 fn the_fisher_information_is_the_curvature_of_the_divergence() {
     let ((actor, _), rollout) = (networks(), rollout());
-    let information = curvature::fisher(&actor, &[&rollout]);
+    let information = curvature::fisher(&actor, &[rollout.visited()]);
     for index in (0..information.len()).step_by(7) {
         let step = 1e-3_f32;
         let mut shifted = actor.clone();
@@ -307,9 +308,9 @@ fn distillation_teaches_a_policy_what_another_does_without_forgetting() {
     let settings = CoresetSettings { bytes: Some(1 << 20), strength: 1.0 };
     let mut coreset = Coreset::new(&settings, Learning { actor: &actor, critic: &critic });
     let gradient = vec![0.0; actor.parameters().len()];
-    let rollouts = [&rollout];
+    let visited = [rollout.visited()];
     let ended =
-        |actor| EndedTask { actor, critic: &critic, gradient: &gradient, rollouts: &rollouts, seed: Seed(5) };
+        |actor| EndedTask { actor, critic: &critic, gradient: &gradient, visited: &visited, seed: Seed(5) };
     coreset.consolidate(&ended(&actor));
     let mut keeper = moved(&actor, 0.3, 6);
     let before = divergence(&keeper, &actor, &rollout);

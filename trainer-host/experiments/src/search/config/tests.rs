@@ -98,7 +98,7 @@ fn a_point_is_the_study_with_its_values() {
     assert_eq!(keys[3], "training.epochs");
     assert_eq!(search.space[0].values, Values::Choice(["fisher", "identity"].map(str::to_owned).to_vec()));
     let study = search.study(&[0.75, 0.5, 1.0, 0.5], 1).unwrap();
-    assert_eq!((study.training.clip_range, study.training.epochs), (0.4, 2));
+    assert_eq!((study.training.ppo.clip_range, study.training.ppo.epochs), (0.4, 2));
     let expected =
         load_study("methods.0.learn.sequential.consolidator.anchor={strength: {fixed: 1}, curvature: identity}");
     assert_eq!(study.methods, expected.methods);

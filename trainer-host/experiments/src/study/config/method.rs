@@ -150,10 +150,7 @@ impl MethodConfig {
     /// # Errors
     /// When a number is out of range, or training settings do not fit together.
     pub(super) fn check(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Method, ConfigError> {
-        let check = |training: &TrainingConfig| {
-            training.refuse_analytic(&field.at("training"))?;
-            training.for_teams(teams(tasks)).check(&field.at("training"))
-        };
+        let check = |training: &TrainingConfig| training.for_teams(teams(tasks)).check(&field.at("training"));
         let training = self.training.as_ref().map(check);
         Ok(Method {
             name: self.name.clone(),

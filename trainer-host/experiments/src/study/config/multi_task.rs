@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     ExperimentConfig, MethodConfig, ProcedureConfig, StudyConfig, StudyEvaluationConfig, TrainingConfig, VERSION,
-    check_name, check_tasks, refuse_lost_images, refuse_lost_memory, refuse_other_teams, refuse_unsuited, teams,
+    check_name, check_tasks, refuse_lost_images, refuse_lost_memory, refuse_other_teams, refuse_unshared,
+    refuse_unsuited, teams,
 };
 use crate::config_file::ConfigFile;
 use crate::experiment_config::NAME_LIMIT;
@@ -130,7 +131,6 @@ impl MultiTaskConfig {
         let judged = self.judged_alike();
         let tasks = check_tasks(&judged.tasks, &root.at(TASKS))?;
         let field = root.at("training");
-        self.training.refuse_analytic(&field)?;
         let filled = self.training.for_teams(teams(&tasks));
         let training = filled.check(&field)?;
         refuse_other_teams(&tasks, &training, &field)?;
@@ -139,6 +139,7 @@ impl MultiTaskConfig {
         let procedure = self.learn.check(&learn, tasks.len())?;
         refuse_lost_images(&tasks, &procedure, &learn)?;
         refuse_lost_memory(&training, &procedure, &learn)?;
+        refuse_unshared(&training, &procedure, &learn)?;
         if procedure == Procedure::Experts {
             let expected = "a way to one policy; `kestrel train` each of the tasks, or run a study";
             return Err(learn.refuse("experts", expected));

@@ -73,6 +73,49 @@ fn interruptions_and_threads_leave_no_trace_in_any_procedure() {
     }
 }
 
+/// By gradients through the physics, two updates a task.
+const ANALYTIC: &str = "training.analytic={environments: 128, steps_per_window: 8, total_steps: 2048}";
+
+#[test]
+fn studies_by_gradients_leave_no_trace_of_interruptions_and_threads_either() {
+    for procedure in [
+        "sequential: {}",
+        "sequential: {consolidator: {compact_coreset: {bytes: 4096}}}",
+        "sequential: {consolidator: {anchor: {strength: {fixed: 1}}}, learner: inherited}",
+        "joint: {}",
+        "experts: {}",
+        "distil: {bytes: 4096, steps: 7}",
+    ] {
+        let study = learning(procedure, &[ANALYTIC]);
+        let whole = on_threads(1, || uninterrupted(&study));
+        let halves = on_threads(3, || interrupted(&study));
+        assert!(halves == whole, "{procedure}");
+        assert_eq!(whole.curve.last().unwrap().steps, if procedure == "joint: {}" { 4096 } else { 2048 });
+    }
+}
+
+#[test]
+fn what_is_flown_already_is_not_learned_again() {
+    let skip = ["evaluation.stop_at_success=0.000001", "evaluation.skip_solved=true"];
+    // Flights of one task are successes whoever flies.
+    let easy = "tasks.1.scenario.success={visit: {region: {low_m: [-9, -9, -9], high_m: [9, 9, 9]}}}";
+    let ends = "tasks.1.scenario.terminations=[distance: {limit_m: 1000}]";
+    for procedure in ["sequential: {}", "sequential: {consolidator: {coreset: {bytes: 4096}}}", "experts: {}"] {
+        let study = learning(procedure, &[&skip[..], &[easy, ends]].concat());
+        let result = uninterrupted(&study);
+        let steps: Vec<(usize, u64)> = result.curve.iter().map(|row| (row.stage, row.steps)).collect();
+        assert_eq!(steps, [(1, 0), (1, 4096), (1, 8192), (2, 0)], "{procedure}");
+        assert!(result.rows.iter().filter(|row| row.task == 1).all(|row| row.success));
+        assert_eq!(result.rows.last().unwrap().stage, 2);
+        let mut run = JobRun::begin(&study, JOB);
+        while !run.is_finished() {
+            run = JobRun::restore(&study, JOB, run.save()).unwrap();
+            run.advance();
+        }
+        assert!(run.into_result() == result);
+    }
+}
+
 #[test]
 fn a_stage_that_ends_early_is_restored_too() {
     // Every flight is good enough.

@@ -1,0 +1,59 @@
+//! The end of a task, and what the next one begins with: as `ppo::continual`, for gradients through the environment.
+
+use rayon::prelude::*;
+
+use super::{AnalyticTrainer, Differentiable};
+use crate::adam::Adam;
+use crate::ppo::{CarryOver, WarmStart};
+use crate::regulariser::{EndedTask, Regulariser, Visited};
+
+impl<E: Differentiable> AnalyticTrainer<E> {
+    /// Flies the policy once more and lets `regulariser` take in what must not be forgotten of the task that ends.
+    pub fn consolidate(&mut self, regulariser: &mut impl Regulariser) {
+        self.ended(|ended| regulariser.consolidate(ended));
+    }
+
+    /// Flies the policy for another window and shows the task at its end.
+    pub fn ended<T>(&mut self, show: impl FnOnce(&EndedTask<'_>) -> T) -> T {
+        let (actor, limit) = (&self.actor, self.settings.adjoint_limit);
+        self.batches.par_iter_mut().for_each(|batch| {
+            batch.fly(actor);
+            batch.differentiate(actor, limit);
+        });
+        self.sum_gradients();
+        let samples = (self.steps_in_update() as f32).max(1.0);
+        let gradient: Vec<f32> = self.gradient.iter().map(|sum| -sum / samples).collect();
+        let visited: Vec<Visited<'_>> = self.batches.iter().map(super::Batch::visited).collect();
+        show(&EndedTask {
+            actor: &self.actor,
+            critic: &self.critic,
+            gradient: &gradient,
+            visited: &visited,
+            seed: self.seed,
+        })
+    }
+
+    /// Begins with a policy, and what else is kept, of an earlier task.
+    ///
+    /// # Panics
+    /// When it is of another shape.
+    pub fn start_from(&mut self, earlier: &WarmStart) {
+        earlier.place(&mut self.actor);
+        if let Some((_, optimiser, _)) = &earlier.learner {
+            self.optimiser.clone_from(optimiser);
+        }
+    }
+
+    /// What a later task may begin with.
+    pub fn warm_start(&self, log_std: CarryOver, learner: CarryOver) -> WarmStart {
+        let state = || (self.critic.clone(), self.optimiser.clone(), Adam::new(self.critic.parameters().len()));
+        WarmStart {
+            actor: self.actor.clone(),
+            log_std,
+            learner: match learner {
+                CarryOver::CarriedOver => Some(state()),
+                CarryOver::Reinitialised => None,
+            },
+        }
+    }
+}
