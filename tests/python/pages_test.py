@@ -59,7 +59,7 @@ ELSEWHERE = [
     (r"^ffplay", "tests/python/video_test.py plays it by FFmpeg's libraries"),
     (r"^ros2 |--ros2", "tests/python/ros2_test.py"),
     (r"^source <\(kestrel completions", "tests/command_line/runs.rs"),
-    (r"^kestrel train configs/aviaries/(unseen-rooms|forest)", "minutes: kestrel-experiments trains in drawn rooms"),
+    (r"^kestrel train configs/(aviaries/(unseen-rooms|forest)|benchmarks/hundred)", "minutes: kestrel-experiments trains in drawn rooms"),
     (r"^kestrel search run", "hours: tests/command_line/search.rs with a search of seconds"),
     (r"^kestrel study run", "hours: tests/command_line/study.rs with a study of seconds"),
     (r"^cargo run --release -- bench", "minutes: tests/command_line/runs.rs measures some rows"),
