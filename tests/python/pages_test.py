@@ -35,6 +35,7 @@ SHORTENED = [
 REPLACED = {
     "--episodes 4096": "",
     "--episodes 1000": "",
+    "--episodes 400": "",
     "RUN": "runs/hover-seed0-1",
     "STUDY...": "tiny",
     "STUDY": "tiny",
