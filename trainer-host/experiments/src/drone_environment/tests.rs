@@ -221,6 +221,20 @@ fn gradients_through_the_flight_teach_within_a_few_windows_whatever_the_threads(
     assert!(last > first, "{first} {last}");
 }
 
+#[test]
+fn gradients_come_from_every_task() {
+    let settings = AnalyticSettings { environments: 128, steps_per_window: 16, ..AnalyticSettings::default() };
+    let single = scenario(CriticView::Privileged);
+    let double = Scenario { rewards: [single.rewards.clone(), single.rewards.clone()].concat(), ..single.clone() };
+    let loss = |tasks: [&Scenario; 2]| {
+        let tasks = tasks.map(Scenario::clone);
+        AnalyticTrainer::<DroneEnvironment>::new(&tasks, &settings, Seed(1)).unwrap().update().policy_loss
+    };
+    let (first, second, both) = (loss([&single, &double]), loss([&double, &single]), loss([&single, &single]));
+    assert!(first != both && second != both && first != second, "{first} {second} {both}");
+    assert!((first + second - 3.0 * both).abs() < 1e-3 * both.abs(), "{first} {second} {both}");
+}
+
 /// Losses of the updates of a task of drawn worlds, after having checked that neither threads nor a pause change them.
 fn learned(task: &str, updates: u32) -> Vec<f32> {
     let overrides = ["scenario.aviary.drawn.worlds.count=3".to_owned()];

@@ -130,6 +130,11 @@ mod tests {
             let again = crate::experiment_config::parse("again", &experiment.resolved_yaml, &[]).unwrap();
             assert_eq!(again.training, experiment.training, "a resolved configuration holds the policy itself");
             let actor = experiment.training.initial_policy.as_ref().unwrap().actor();
+            // Whoever trains begins with it, but for the spread of the actions.
+            let untrained = crate::training_run::untrained_actor(&experiment).unwrap();
+            let network = actor.mlp().parameter_count();
+            assert_eq!(untrained.parameters()[..network], actor.parameters()[..network], "{pilot}");
+            assert_eq!(untrained.front_parameters(), actor.front_parameters(), "{pilot}");
             let bytes = std::fs::read(in_repository(&format!("assets/pilots/{pilot}"))).unwrap();
             let Ok(Policy::Blind(policy)) = Policy::parse(&bytes) else {
                 assert!(actor.units() > 0, "a recurrent one");

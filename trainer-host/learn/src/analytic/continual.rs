@@ -47,13 +47,6 @@ impl<E: Differentiable> AnalyticTrainer<E> {
     /// What a later task may begin with.
     pub fn warm_start(&self, log_std: CarryOver, learner: CarryOver) -> WarmStart {
         let state = || (self.critic.clone(), self.optimiser.clone(), Adam::new(self.critic.parameters().len()));
-        WarmStart {
-            actor: self.actor.clone(),
-            log_std,
-            learner: match learner {
-                CarryOver::CarriedOver => Some(state()),
-                CarryOver::Reinitialised => None,
-            },
-        }
+        WarmStart::new(&self.actor, log_std, learner, state)
     }
 }

@@ -29,14 +29,23 @@ pub struct WarmStart {
 }
 
 impl WarmStart {
+    /// With a policy and, where they are carried over, what `learner` gives: critic, and the optimisers of both networks.
+    pub(crate) fn new(
+        actor: &Actor,
+        log_std: CarryOver,
+        carried: CarryOver,
+        learner: impl FnOnce() -> (Critic, Adam, Adam),
+    ) -> Self {
+        let learner = match carried {
+            CarryOver::CarriedOver => Some(learner()),
+            CarryOver::Reinitialised => None,
+        };
+        Self { actor: actor.clone(), log_std, learner }
+    }
+
     /// With the network of a policy and nothing else.
     pub fn of_policy(actor: Actor) -> Self {
         Self { actor, log_std: CarryOver::Reinitialised, learner: None }
-    }
-
-    /// Whether a learner with this policy can begin with it.
-    pub fn fits(&self, actor: &Actor) -> bool {
-        self.actor.is_like(actor)
     }
 
     /// Makes `actor` its policy.
@@ -44,7 +53,7 @@ impl WarmStart {
     /// # Panics
     /// When that is of another shape.
     pub(crate) fn place(&self, actor: &mut Actor) {
-        assert!(self.fits(actor), "a policy starts one of its shape");
+        assert!(self.actor.is_like(actor), "a policy starts one of its shape");
         let log_std = actor.log_std().to_vec();
         actor.clone_from(&self.actor);
         if self.log_std == CarryOver::Reinitialised {
@@ -95,13 +104,6 @@ impl<E: Environment> Trainer<E> {
     /// What a later task may begin with.
     pub fn warm_start(&self, log_std: CarryOver, learner: CarryOver) -> WarmStart {
         let state = || (self.critic.clone(), self.actor_optimiser.clone(), self.critic_optimiser.clone());
-        WarmStart {
-            actor: self.actor.clone(),
-            log_std,
-            learner: match learner {
-                CarryOver::CarriedOver => Some(state()),
-                CarryOver::Reinitialised => None,
-            },
-        }
+        WarmStart::new(&self.actor, log_std, learner, state)
     }
 }
