@@ -1,5 +1,6 @@
 //! Files that are not YAML, as the tree that they would be in YAML.
 
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -40,6 +41,20 @@ pub struct ImportedFile<'a> {
     pub key: &'a str,
     /// The key of the mapping that imports it; none at the top level.
     pub mapping_key: Option<&'a str>,
+}
+
+impl ImportedFile<'_> {
+    /// Refuses the file, where its path stands.
+    pub fn refuse(&self, found: impl Display, expected: impl Display) -> ConfigError {
+        ConfigError::at(self.importer, self.key, format!("{found} ({})", self.path.display()), expected)
+    }
+
+    /// The beginning of the file: where the values stand that are read from it as a whole.
+    pub fn beginning(&self) -> Place {
+        let name = self.path.display().to_string();
+        let source = Source::File { name, text: String::new(), importer: Some(self.importer.clone()) };
+        Place { source: Arc::new(source), line: 1, column: 1 }
+    }
 }
 
 /// The values in a text.

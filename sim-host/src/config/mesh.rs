@@ -11,7 +11,7 @@ mod tests;
 mod words;
 
 use std::collections::BTreeMap;
-use std::fmt::{Display, Write as _};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -88,7 +88,7 @@ impl Fault {
 /// For a file of another kind, or a mesh that is imported where none can be.
 pub(super) fn is_mesh(file: &ImportedFile<'_>) -> Result<bool, ConfigError> {
     let extension = file.path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    let refuse = |what: &str, expected: &str| Err(File(*file).refuse(what, expected));
+    let refuse = |what: &str, expected: &str| Err(file.refuse(what, expected));
     match (extension.as_deref(), file.mapping_key == Some(MESH)) {
         (Some("obj" | "stl"), true) => Ok(true),
         (Some("obj" | "stl"), false) => refuse("a mesh", "meshes only in a key `mesh`: `mesh: { import: … }`"),
@@ -101,10 +101,10 @@ pub(super) fn is_mesh(file: &ImportedFile<'_>) -> Result<bool, ConfigError> {
 pub(super) fn tree(file: &ImportedFile<'_>) -> Result<(Node, usize), ConfigError> {
     let path = file.path;
     let file = File(*file);
-    let bytes = read_bytes(path, SIZE_LIMIT).map_err(|fault| file.refuse(fault, EXPECTED))?;
+    let bytes = read_bytes(path, SIZE_LIMIT).map_err(|fault| file.0.refuse(fault, EXPECTED))?;
     let is_stl = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stl"));
     let (surface, colours) = if is_stl && stl::is_binary(&bytes) {
-        (stl::binary(&bytes).map_err(|(found, expected)| file.refuse(found, expected))?, BTreeMap::new())
+        (stl::binary(&bytes).map_err(|(found, expected)| file.0.refuse(found, expected))?, BTreeMap::new())
     } else {
         let text = file.text(path, bytes)?;
         let parsed = if is_stl { stl::text(&text) } else { obj::parse(&text) };
@@ -118,11 +118,6 @@ pub(super) fn tree(file: &ImportedFile<'_>) -> Result<(Node, usize), ConfigError
 struct File<'a>(ImportedFile<'a>);
 
 impl File<'_> {
-    fn refuse(&self, found: impl Display, expected: impl Display) -> ConfigError {
-        let ImportedFile { path, importer, key, .. } = self.0;
-        ConfigError::at(importer, key, format!("{found} ({})", path.display()), expected)
-    }
-
     fn text(&self, path: &Path, bytes: Vec<u8>) -> Result<String, ConfigError> {
         String::from_utf8(bytes).map_err(|error| {
             let (line, column, byte) = not_text(&error);
@@ -156,9 +151,7 @@ impl File<'_> {
 
     /// The mapping, as if it stood at the beginning of the file.
     fn node(&self, obj: &str, colours: &BTreeMap<String, [f64; 3]>) -> (Node, usize) {
-        let name = self.0.path.display().to_string();
-        let source = Source::File { name, text: String::new(), importer: Some(self.0.importer.clone()) };
-        let place = Place { source: Arc::new(source), line: 1, column: 1 };
+        let place = self.0.beginning();
         let node = |value: Value| Node { value, place: place.clone(), import: None };
         let entry = |key: &str, value: Value| Entry::new(key.to_owned(), place.clone(), node(value));
         let colour = |colour: &[f64; 3]| {

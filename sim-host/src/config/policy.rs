@@ -3,14 +3,9 @@
 //! `import: hover.kestrel` in an `initial_policy` is the mapping `base64: …` with the bytes of that file: a resolved
 //! configuration is complete without it.
 
-use std::fmt::Display;
-use std::path::Path;
-use std::sync::Arc;
-
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use kestrel_config::ConfigError;
-use kestrel_config::error::{Place, Source};
 use kestrel_config::node::{Entry, Node, Value};
 use kestrel_config::notation::ImportedFile;
 use kestrel_config::text::read_bytes;
@@ -30,7 +25,7 @@ const EXPECTED: &str = "a policy: a file `.kestrel`, relative to the file that i
 /// For a file of another kind, or a policy that is imported where none can be.
 pub(super) fn is_policy(file: &ImportedFile<'_>) -> Result<bool, ConfigError> {
     let extension = file.path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    let refuse = |what: &str, expected: &str| Err(refused(file, what, expected));
+    let refuse = |what: &str, expected: &str| Err(file.refuse(what, expected));
     match (extension.as_deref() == Some("kestrel"), file.mapping_key == Some(INITIAL_POLICY)) {
         (true, true) => Ok(true),
         (true, false) => {
@@ -48,10 +43,10 @@ pub(super) fn is_policy(file: &ImportedFile<'_>) -> Result<bool, ConfigError> {
 /// # Errors
 /// When it cannot be read.
 pub(super) fn tree(file: &ImportedFile<'_>) -> Result<(Node, usize), ConfigError> {
-    let bytes = read_bytes(file.path, SIZE_LIMIT).map_err(|fault| refused(file, fault, EXPECTED))?;
+    let bytes = read_bytes(file.path, SIZE_LIMIT).map_err(|fault| file.refuse(fault, EXPECTED))?;
     let text = STANDARD.encode(bytes);
     let len = text.len();
-    let place = place(file.path, file.importer);
+    let place = file.beginning();
     let node = |value: Value| Node { value, place: place.clone(), import: None };
     let entry = Entry::new("base64".to_owned(), place.clone(), node(Value::Text(text)));
     Ok((Node { import: Some(file.importer.clone()), ..node(Value::Mapping(vec![entry])) }, len))
@@ -63,14 +58,4 @@ pub(super) fn tree(file: &ImportedFile<'_>) -> Result<(Node, usize), ConfigError
 /// What is wrong with the text.
 pub fn policy_bytes(base64: &str) -> Result<Vec<u8>, base64::DecodeError> {
     STANDARD.decode(base64)
-}
-
-fn place(path: &Path, importer: &Place) -> Place {
-    let name = path.display().to_string();
-    let source = Source::File { name, text: String::new(), importer: Some(importer.clone()) };
-    Place { source: Arc::new(source), line: 1, column: 1 }
-}
-
-fn refused(file: &ImportedFile<'_>, found: impl Display, expected: impl Display) -> ConfigError {
-    ConfigError::at(file.importer, file.key, format!("{found} ({})", file.path.display()), expected)
 }
