@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# One, two and four processes under MPI leave the same files: a training run, and a study with an anchor and policy sharing.
+# One, two and four processes under MPI leave the same files: a training run by PPO, one by gradients, one by gradients with a
+# memory in drawn forests, and a study with an anchor and policy sharing.
 # What a program with MPI is built from is what the other tests are built from.
 #
 #   tests/mpi.sh
@@ -32,6 +33,22 @@ train() { # FOLDER LAUNCHER...: trains in $place/FOLDER
     --set training.total_steps=131072 --set evaluation.episodes=16
 }
 
+gradients() { # FOLDER LAUNCHER...: as train, by gradients through the physics
+  local folder=$1
+  shift
+  "$@" train configs/hover.yaml --run "$place/$folder" --threads 1 --set training.analytic.environments=256 \
+    --set training.analytic.total_steps=61440 --set evaluation.episodes=16
+}
+
+forest() { # FOLDER LAUNCHER...: as gradients, with a memory, in forests that every episode draws
+  local folder=$1
+  shift
+  "$@" train configs/aviaries/forest.yaml --run "$place/$folder" --threads 1 \
+    --set scenario.aviary.drawn.worlds.count=8 --set evaluation.worlds.count=4 \
+    --set training.analytic.environments=256 --set training.analytic.total_steps=76800 \
+    --set evaluation.episodes=8
+}
+
 study() { # FOLDER LAUNCHER...
   local folder=$1
   shift
@@ -51,10 +68,16 @@ built_from_the_same() { # says what is missing or has other features, and fails
 
 check "with MPI nothing that others are built from is built again" built_from_the_same
 check "a run of one process" train run-0 target/debug/kestrel
+check "a run of one process by gradients" gradients gradients-0 target/debug/kestrel
+check "a run of one process in forests" forest forest-0 target/debug/kestrel
 check "a study of one process" study study-0 target/debug/kestrel
 for number in 1 2 4; do
   check "a run of $number ranks" train "run-$number" ranks "$number" target/kestrel-without-gpus
   check "its policy is the same" cmp "$place/run-0/policy.kestrel" "$place/run-$number/policy.kestrel"
+  for kind in gradients forest; do
+    check "a run of $number ranks, $kind" $kind "$kind-$number" ranks "$number" target/kestrel-without-gpus
+    check "its policy is the same" cmp "$place/$kind-0/policy.kestrel" "$place/$kind-$number/policy.kestrel"
+  done
   check "a study of $number ranks" study "study-$number" ranks "$number" target/kestrel-without-gpus
   check "its rows are the same" diff -r "$place/study-0/rows" "$place/study-$number/rows"
 done
@@ -64,8 +87,8 @@ says() { # WORDS COMMAND...: fails, and says this
   ! "$@" >"$place/said" 2>&1 && grep -q "$words" "$place/said"
 }
 check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-without-gpus
-check "gradients are for one rank" says "computed by one process" \
-  ranks 2 target/kestrel-without-gpus train configs/hover.yaml --run "$place/run-gradients"
+check "three ranks are refused by gradients" says "3 ranks cannot share" \
+  gradients gradients-3 ranks 3 target/kestrel-without-gpus
 check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/debug/kestrel
 
 summary

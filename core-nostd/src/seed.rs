@@ -109,6 +109,13 @@ impl Stream {
         radius * libm::cosf(core::f32::consts::TAU * self.uniform())
     }
 
+    /// Two independent standard normals (Box–Muller), the first of them what [`Self::normal`] would be.
+    pub fn normals(&mut self) -> [f32; 2] {
+        let radius = (-2.0 * libm::logf(1.0 - self.uniform())).sqrt();
+        let angle = core::f32::consts::TAU * self.uniform();
+        [radius * libm::cosf(angle), radius * libm::sinf(angle)]
+    }
+
     /// Uniform on the unit sphere (Archimedes: height and azimuth are uniform).
     pub fn direction(&mut self) -> Vector3<f32> {
         let height = self.between(-1.0, 1.0);
@@ -121,6 +128,19 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pair_of_normals_has_no_mean_unit_variance_and_no_correlation() {
+        let mut stream = Stream::new(Seed(8), 0, Purpose::Reset);
+        assert_eq!(stream.clone().normal(), stream.clone().normals()[0]);
+        let pairs: [[f32; 2]; 10_000] = core::array::from_fn(|_| stream.normals());
+        let mean = |of: &dyn Fn(&[f32; 2]) -> f32| pairs.iter().map(of).sum::<f32>() / pairs.len() as f32;
+        for side in 0..2 {
+            assert!(mean(&|pair| pair[side]).abs() < 0.03);
+            assert!((mean(&|pair| pair[side] * pair[side]) - 1.0).abs() < 0.05);
+        }
+        assert!(mean(&|pair| pair[0] * pair[1]).abs() < 0.03);
+    }
 
     #[test]
     fn streams_of_other_seeds_environments_and_purposes_differ() {

@@ -104,7 +104,7 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
     scales: PrivilegedScales<R>,
-    /// None where nothing is late.
+    /// None where nothing is late or wrong.
     pub(crate) latency: Option<LatencyMemory<LANES, R>>,
     /// What the velocity controller makes up for \[m/s², world\]; none where it has no integral.
     velocity_integral: Option<Box<[Column<LANES, R>; 3]>>,
@@ -209,7 +209,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             way: way(scenario),
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
-            latency: LatencyMemory::new(&scenario.latency, &scenario.physics),
+            latency: LatencyMemory::new(scenario),
             velocity_integral: matches!(scenario.action, ActionSpace::IntegralVelocities(_))
                 .then(|| Box::new([nothing; 3])),
             rate_loops: RateLoops::new(scenario),
@@ -461,8 +461,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Some(loops) => loops.begin(lane, motion),
         };
         if let Some(latency) = &mut self.latency {
-            latency.begin(lane, motion, command);
-            latency.set_delays(lane, beginning.delays, &mut self.streams[lane]);
+            latency.begin(lane, (motion, command), beginning.delays, &mut self.streams[lane]);
         }
         for past in &mut self.history {
             set_row(past, lane, [R::zero(); ACTION_LIMIT]);
@@ -633,11 +632,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Draws the delays of the next control period, where they differ from one to the next.
+    /// Draws delays and errors of the next control period, where they differ from one to the next.
     #[inline(always)]
     pub(crate) fn draw_delays(&mut self) {
         if let Some(latency) = &mut self.latency {
-            latency.draw_jitter(&mut self.streams);
+            latency.draw(&mut self.streams);
         }
     }
 

@@ -9,6 +9,7 @@ pub(crate) mod area;
 mod aviary;
 mod camera;
 mod drawn;
+mod estimate;
 pub(crate) mod geometry;
 mod mesh;
 mod notation;
@@ -47,6 +48,7 @@ pub use drawn::{
     CorridorsConfig, DrawnConfig, ForestConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig,
     MovedFurnitureConfig, RaceCoursesConfig, WorldsConfig,
 };
+pub use estimate::{DeviationConfig, EstimateConfig, LatencyConfig, OutagesConfig};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
     BulletConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig, QuirksConfig,
@@ -62,9 +64,7 @@ pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
     GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig, WayConfig,
 };
-pub use start::{
-    AirframesConfig, LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig,
-};
+pub use start::{AirframesConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
@@ -124,6 +124,9 @@ pub struct ScenarioConfig {
     /// How late the drone knows its state, and its motors their command.
     #[serde(default, skip_serializing_if = "LatencyConfig::is_none")]
     pub latency: LatencyConfig,
+    /// How wrongly the drone knows its state.
+    #[serde(default, skip_serializing_if = "EstimateConfig::is_none")]
+    pub estimate: EstimateConfig,
     /// What differs from episode to episode.
     #[serde(default)]
     pub randomisation: RandomisationConfig,
@@ -200,6 +203,7 @@ impl ScenarioConfig {
             name: name.to_owned(),
             critic: self.critic,
             latency: self.latency.check(1.0 / physics.control_rate_hz, &field.at("latency"))?,
+            estimate: self.estimate.check(&field.at("estimate"))?,
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
             rewards: RewardTerm::check_all(&self.rewards, &task, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,

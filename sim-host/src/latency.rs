@@ -3,13 +3,20 @@
 //! A policy acts on an estimate of the state that is some milliseconds old, and its command reaches the motors some
 //! milliseconds after. Both delays are drawn for each episode, and what jitters of them for each control period.
 
+mod delay_line;
+
 use core::cmp::Ordering;
+use core::ops::Range;
 
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 
-use crate::physics::Physics;
+use delay_line::DelayLine;
+pub use delay_line::Outages;
+
+use crate::estimate::{ErrorMemory, EstimateErrors};
+use crate::scenario::Scenario;
 use crate::seed::Stream;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 
@@ -24,17 +31,31 @@ pub struct Latency {
     pub state_jitter_secs: f32,
     /// The same for the motors \[s\].
     pub motor_jitter_secs: f32,
+    /// Least and greatest of how much older than the rest of the state position and velocity are \[s\].
+    pub position_extra_secs: [f32; 2],
+    /// When they are not known at all.
+    pub outages: Outages,
 }
 
 impl Latency {
     /// None.
-    pub const NONE: Self =
-        Self { state_secs: [0.0; 2], motor_secs: [0.0; 2], state_jitter_secs: 0.0, motor_jitter_secs: 0.0 };
+    pub const NONE: Self = Self {
+        state_secs: [0.0; 2],
+        motor_secs: [0.0; 2],
+        state_jitter_secs: 0.0,
+        motor_jitter_secs: 0.0,
+        position_extra_secs: [0.0; 2],
+        outages: Outages::NONE,
+    };
 
     /// The delays of an episode \[s\]; nothing is drawn where there are none.
     pub(crate) fn draw(&self, stream: &mut Stream) -> Delays {
         let mut between = |[least, most]: [f32; 2]| if most > 0.0 { stream.between(least, most) } else { 0.0 };
-        Delays { state_secs: between(self.state_secs), motor_secs: between(self.motor_secs) }
+        Delays {
+            state_secs: between(self.state_secs),
+            motor_secs: between(self.motor_secs),
+            position_extra_secs: between(self.position_extra_secs),
+        }
     }
 }
 
@@ -43,6 +64,7 @@ impl Latency {
 pub(crate) struct Delays {
     pub(crate) state_secs: f32,
     pub(crate) motor_secs: f32,
+    pub(crate) position_extra_secs: f32,
 }
 
 /// The states of the drones of a block in columns: the true ones, or those that are known.
@@ -55,7 +77,7 @@ pub(crate) struct States<'a, const LANES: usize, R> {
     pub(crate) rotor_speeds: &'a [Column<LANES, R>; 4],
 }
 
-/// What a block remembers in order to be late.
+/// What a block remembers in order to be late, and wrong.
 #[derive(Clone, Debug)]
 pub(crate) struct LatencyMemory<const LANES: usize, R> {
     /// What is known of the motion. While a control period is flown nobody looks at it, and what will be known at its end
@@ -67,6 +89,10 @@ pub(crate) struct LatencyMemory<const LANES: usize, R> {
     motor_delay: Column<LANES, R>,
     /// None where delays are the same in every control period.
     jitter: Option<Jitter<LANES, R>>,
+    /// None where position and velocity are as old as the rest.
+    delay_line: Option<Box<DelayLine<LANES, R>>>,
+    /// None where what is known is right.
+    errors: Option<Box<ErrorMemory<LANES, R>>>,
     /// What was commanded before this control period: rotor targets \[rad/s\], or what the rate loop holds.
     targets_before: [Column<LANES, R>; 4],
     /// In a control period.
@@ -88,9 +114,15 @@ struct Jitter<const LANES: usize, R> {
 }
 
 /// A motion without rotor speeds: position, attitude, velocity, body rates.
-type Motions<const LANES: usize, R> = [Column<LANES, R>; MOTION_LEN];
+pub(crate) type Motions<const LANES: usize, R> = [Column<LANES, R>; MOTION_LEN];
 
 const MOTION_LEN: usize = 13;
+
+/// Where the parts of a motion stand.
+pub(crate) const POSITION: Range<usize> = 0..3;
+pub(crate) const ATTITUDE: Range<usize> = 3..7;
+pub(crate) const VELOCITY: Range<usize> = 7..10;
+pub(crate) const BODY_RATES: Range<usize> = 10..13;
 
 impl<'a, const LANES: usize, R: Real> States<'a, LANES, R> {
     /// The state in a lane.
@@ -116,9 +148,10 @@ impl<'a, const LANES: usize, R: Real> States<'a, LANES, R> {
 }
 
 impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
-    /// Nothing where nothing is late.
-    pub(crate) fn new(latency: &Latency, physics: &Physics) -> Option<Self> {
-        if *latency == Latency::NONE {
+    /// Nothing where nothing is late or wrong.
+    pub(crate) fn new(scenario: &Scenario) -> Option<Self> {
+        let Scenario { latency, physics, estimate, .. } = scenario;
+        if *latency == Latency::NONE && *estimate == EstimateErrors::NONE {
             return None;
         }
         let nothing = [R::zero(); LANES];
@@ -132,6 +165,8 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
             state_delay: nothing,
             motor_delay: nothing,
             jitter: (most != [0.0; 2]).then_some(Jitter { least: [nothing; 2], most }),
+            delay_line: DelayLine::new(latency, physics).map(Box::new),
+            errors: ErrorMemory::new(estimate, physics).map(Box::new),
             targets_before: [nothing; 4],
             substeps: physics.substeps,
             substeps_per_sec,
@@ -140,15 +175,28 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
         })
     }
 
-    /// A lane begins an episode in a state that it knows, after this command.
-    pub(crate) fn begin(&mut self, lane: usize, state: &State<R>, command: [R; 4]) {
+    /// A lane begins an episode with these delays, in a state that it knows, after this command.
+    pub(crate) fn begin(
+        &mut self,
+        lane: usize,
+        (state, command): (&State<R>, [R; 4]),
+        delays: Delays,
+        stream: &mut Stream,
+    ) {
+        self.set_delays(lane, delays, stream);
+        if let Some(errors) = &mut self.errors {
+            errors.begin(lane, stream);
+        }
         self.know(lane, state);
         set_row(&mut self.targets_before, lane, command);
     }
 
     /// The delays of a lane's episode.
-    pub(crate) fn set_delays(&mut self, lane: usize, delays: Delays, stream: &mut Stream) {
+    fn set_delays(&mut self, lane: usize, delays: Delays, stream: &mut Stream) {
         let substeps = |secs: f32| R::from_f64(f64::from(secs) * self.substeps_per_sec);
+        if let Some(line) = &mut self.delay_line {
+            line.begin(lane, delays.position_extra_secs);
+        }
         let delays = [substeps(delays.state_secs), substeps(delays.motor_secs)];
         [self.state_delay[lane], self.motor_delay[lane]] = delays;
         if let Some(jitter) = &mut self.jitter {
@@ -157,18 +205,30 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
         }
     }
 
-    /// The delays of the next control period, where they jitter.
-    pub(crate) fn draw_jitter(&mut self, streams: &mut [Stream]) {
+    /// What differs in the next control period: delays that jitter, outages, errors.
+    pub(crate) fn draw(&mut self, streams: &mut [Stream]) {
         if let Some(jitter) = &self.jitter {
             for (lane, stream) in streams.iter_mut().enumerate() {
                 [self.state_delay[lane], self.motor_delay[lane]] = jitter.draw(lane, stream);
             }
         }
+        if let Some(line) = &mut self.delay_line {
+            line.draw(streams);
+        }
+        if let Some(errors) = &mut self.errors {
+            errors.draw(streams);
+        }
     }
 
-    /// A lane knows this state from now on.
+    /// A lane knows this state from now on, as well as it can.
     pub(crate) fn know(&mut self, lane: usize, state: &State<R>) {
         set_row(&mut self.known, lane, motion_of(state));
+        if let Some(line) = &mut self.delay_line {
+            line.know(lane, state);
+        }
+        if let Some(errors) = &self.errors {
+            errors.mislead_lane(lane, &mut self.known);
+        }
     }
 
     /// What the motors follow in a substep of the control period whose command is `targets`, if it is not that: until the
@@ -235,6 +295,12 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
             let between = Attitude { w, x, y, z }.normalized();
             set_row(attitude, lane, [between.w, between.x, between.y, between.z]);
         }
+        if let Some(line) = &mut self.delay_line {
+            line.delay(&mut self.known);
+        }
+        if let Some(errors) = &self.errors {
+            errors.mislead(&mut self.known);
+        }
     }
 
     /// What is known; the speeds of the rotors are nobody's to know.
@@ -251,7 +317,10 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
     pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
         let delays = [&mut self.state_delay, &mut self.motor_delay];
         let least = self.jitter.iter_mut().flat_map(|jitter| &mut jitter.least);
-        self.known.iter_mut().chain(delays).chain(&mut self.targets_before).chain(least)
+        let line = self.delay_line.iter_mut().flat_map(|line| line.columns_mut());
+        let errors = self.errors.iter_mut().flat_map(|errors| errors.columns_mut());
+        let own = self.known.iter_mut().chain(delays).chain(&mut self.targets_before);
+        own.chain(least).chain(line).chain(errors)
     }
 }
 

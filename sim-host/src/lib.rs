@@ -32,6 +32,7 @@ pub mod config;
 pub mod contact;
 pub mod course;
 mod episode_end;
+pub mod estimate;
 pub mod flight;
 pub mod gradient;
 pub mod latency;

@@ -13,6 +13,7 @@ use crate::airframe_family::AirframeFamily;
 use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
 use crate::course::Gate;
+use crate::estimate::EstimateErrors;
 use crate::latency::Latency;
 use crate::rate_loop::GYRO_CUTOFF_HZ;
 use crate::reward::RewardTerm;
@@ -62,6 +63,8 @@ pub struct Scenario {
     pub start: Start,
     /// How late the drone knows its state, and its motors their command.
     pub latency: Latency,
+    /// How wrong it knows it.
+    pub estimate: EstimateErrors,
     /// What differs from episode to episode.
     pub randomisation: Randomisation,
     /// What is rewarded.
@@ -478,6 +481,7 @@ impl Scenario {
                 body_rates_limit: 0.0,
             },
             latency: Latency::NONE,
+            estimate: EstimateErrors::NONE,
             randomisation: Randomisation::NONE,
             rewards: Vec::new(),
             terminations: Vec::new(),

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::Value;
 
 /// Headings of the page, the type of the schema below each, and where the key stands.
-const SECTIONS: [(&str, &str, &str); 13] = [
+const SECTIONS: [(&str, &str, &str); 16] = [
     ("Rewards", "RewardTerm", "`scenario.rewards`, a list"),
     ("Terminations", "Termination", "`scenario.terminations`, a list"),
     ("Success", "SuccessConfig", "`scenario.success`"),
@@ -19,6 +19,9 @@ const SECTIONS: [(&str, &str, &str); 13] = [
     ("Goals", "GoalsConfig", "`scenario.goals`"),
     ("Domain randomisation", "RandomisationConfig", "`scenario.randomisation`"),
     ("Latency", "LatencyConfig", "`scenario.latency`"),
+    ("Outages", "OutagesConfig", "`scenario.latency.outages`"),
+    ("Errors of the estimate", "EstimateConfig", "`scenario.estimate`"),
+    ("Deviation", "DeviationConfig", "`scenario.estimate.position_m` and the like"),
     ("Training by PPO", "TrainingConfig", "`training`"),
     ("Training by gradients", "AnalyticConfig", "`training.analytic`"),
 ];

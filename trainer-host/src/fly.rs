@@ -391,6 +391,7 @@ fn within(latency: Latency, control_secs: f32) -> Latency {
         motor_secs,
         state_jitter_secs: latency.state_jitter_secs.min(control_secs - state_secs[1]),
         motor_jitter_secs: latency.motor_jitter_secs.min(control_secs - motor_secs[1]),
+        ..latency
     }
 }
 

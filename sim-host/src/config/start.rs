@@ -11,7 +11,6 @@ use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
 use crate::airframe_family::AirframeFamily;
-use crate::latency::Latency;
 use crate::scenario::{Aviary, FirstGoals, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
 use crate::term::StartLimit;
 use crate::termination::Termination;
@@ -186,22 +185,6 @@ impl AirframesConfig {
     }
 }
 
-/// How late things are; each delay is uniform within its bounds and constant in an episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct LatencyConfig {
-    /// Least and greatest age of the state that policy and rate controller see, at most a control period.
-    pub state_secs: [f64; 2],
-    /// Least and greatest time from a command to the motors, at most a control period.
-    pub motor_secs: [f64; 2],
-    /// How much older than that the state may be: drawn anew for every control period, from zero to this.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub state_jitter_secs: f64,
-    /// How much later than that a command may reach the motors: drawn anew for every control period, from zero to this.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub motor_jitter_secs: f64,
-}
-
 impl Default for RandomisationConfig {
     fn default() -> Self {
         Self {
@@ -224,7 +207,7 @@ impl Default for RandomisationConfig {
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
-fn is_zero(fraction: &f64) -> bool {
+pub(super) fn is_zero(fraction: &f64) -> bool {
     *fraction == 0.0
 }
 
@@ -232,33 +215,8 @@ fn is_full(share: &[f64; 2]) -> bool {
     *share == [1.0; 2]
 }
 
-impl LatencyConfig {
-    pub(super) fn is_none(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// The delays, none of which is longer than a control period \[s\].
-    ///
-    /// # Errors
-    /// When a number is out of range.
-    pub fn check(&self, control_secs: f64, field: &Field<'_>) -> Result<Latency, ConfigError> {
-        let longest = Limits::from(0.0, control_secs, "s, the control period");
-        let delay = |key: &str, bounds| range(&field.at(key), bounds, &longest);
-        let jitter = |key: &str, secs: f64, [_, most]: [f64; 2]| {
-            let left = Limits::from(0.0, control_secs - most, "s, what the delay leaves of the control period");
-            field.at(key).number(secs, &left)
-        };
-        Ok(Latency {
-            state_secs: delay("state_secs", self.state_secs)?,
-            motor_secs: delay("motor_secs", self.motor_secs)?,
-            state_jitter_secs: jitter("state_jitter_secs", self.state_jitter_secs, self.state_secs)?,
-            motor_jitter_secs: jitter("motor_jitter_secs", self.motor_jitter_secs, self.motor_secs)?,
-        })
-    }
-}
-
 /// Two numbers within `limits`, the second not less than the first.
-fn range(field: &Field<'_>, [least, most]: [f64; 2], limits: &Limits) -> Result<[f32; 2], ConfigError> {
+pub(super) fn range(field: &Field<'_>, [least, most]: [f64; 2], limits: &Limits) -> Result<[f32; 2], ConfigError> {
     let bounds = [field.at(0).number(least, limits)?, field.at(1).number(most, limits)?];
     if most < least {
         return Err(field.at(1).refuse(most, format!("{least} or more, the least before it")));

@@ -10,7 +10,8 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::contact::DistanceField;
-use crate::latency::Latency;
+use crate::estimate::{Deviation, EstimateErrors};
+use crate::latency::{Latency, Outages};
 use crate::physics::Contacts;
 use crate::reward::{Avoidance, Cruise, Encounter, HeadingError, RewardTerm};
 use crate::rooms::Ways;
@@ -73,6 +74,7 @@ fn scenarios() -> Vec<Scenario> {
         },
         Scenario { action: ActionSpace::RateLoop(rates), ..late.clone() },
         Scenario { observation: ObservationLayout::Body(body), ..late.clone() },
+        misled(&late, body),
         Scenario {
             goals: Goals::Trajectory(Trajectories {
                 shapes: TrajectoryShape::ALL.to_vec(),
@@ -93,6 +95,28 @@ fn scenarios() -> Vec<Scenario> {
             ..late
         },
     ]
+}
+
+/// A task whose drones know little of where they are.
+fn misled(late: &Scenario, body: BodyLayout) -> Scenario {
+    let deviation = Deviation { noise: 0.02, drift: 0.05 };
+    Scenario {
+        observation: ObservationLayout::Body(body),
+        latency: Latency {
+            position_extra_secs: [0.01, 0.05],
+            outages: Outages { per_sec: 5.0, secs: [0.02, 0.1] },
+            ..late.latency
+        },
+        estimate: EstimateErrors {
+            position: deviation,
+            velocity: deviation,
+            tilt: deviation,
+            heading: deviation,
+            body_rates: deviation,
+            drift_secs: 0.5,
+        },
+        ..late.clone()
+    }
 }
 
 /// A task whose rewards look around, and whose drones see the wall beside the goal.

@@ -2,6 +2,7 @@
 
 mod carried;
 mod determinism;
+mod estimate;
 mod imaging;
 mod navigation;
 mod racing;

@@ -35,22 +35,6 @@ pub(crate) enum Learner {
     Analytic(Box<AnalyticTrainer<DroneEnvironment>>),
 }
 
-/// Why the work cannot be shared by several processes.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum RankError {
-    /// There are too many of them.
-    #[error(transparent)]
-    Unequal(#[from] UnequalShares),
-    /// Work for one.
-    #[error("{what} by one process, but there are {found}")]
-    Alone {
-        /// What is done alone.
-        what: &'static str,
-        /// Processes.
-        found: usize,
-    },
-}
-
 impl LearnerSettings {
     /// Environment steps after which training ends.
     pub fn total_steps(&self) -> u64 {
@@ -107,15 +91,10 @@ impl Learner {
     ///
     /// # Errors
     /// When it cannot be dealt to so many.
-    pub(crate) fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
-        let alone = |what| RankError::Alone { what, found: ranks.size() };
+    pub(crate) fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
         match self {
-            Self::Analytic(_) if ranks.size() == 1 => Ok(()),
-            Self::Analytic(_) => Err(alone("gradients through the physics are computed")),
-            Self::Ppo(trainer) if ranks.size() > 1 && trainer.actor().memory().is_some() => {
-                Err(alone("policies that remember are trained"))
-            }
-            Self::Ppo(trainer) => Ok(trainer.work_with(ranks)?),
+            Self::Analytic(trainer) => trainer.work_with(ranks),
+            Self::Ppo(trainer) => trainer.work_with(ranks),
         }
     }
 
@@ -123,7 +102,7 @@ impl Learner {
     pub(crate) fn order(&self, order: &Order<TrainerState>) {
         match self {
             Self::Ppo(trainer) => ranks::order(trainer.ranks(), order),
-            Self::Analytic(_) => {}
+            Self::Analytic(trainer) => ranks::order(trainer.ranks(), order),
         }
     }
 

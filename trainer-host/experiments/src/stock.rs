@@ -49,6 +49,7 @@ impl Stock {
             motor_secs: within(late.motor_secs),
             state_jitter_secs: jitter(late.state_jitter_secs, late.state_secs),
             motor_jitter_secs: jitter(late.motor_jitter_secs, late.motor_secs),
+            ..*late
         };
         task
     }

@@ -18,7 +18,7 @@ use crate::drone_environment::TrainerState;
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use crate::experiment_config::{Experiment, ExperimentConfig};
 use crate::interrupt::Interrupt;
-use crate::learner::{Learner, RankError};
+use crate::learner::Learner;
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::run_log::{MetricsRow, RunLog, TestRow};
@@ -26,7 +26,7 @@ use crate::watch::NewestPolicy;
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
-use kestrel_learn::ranks::{self, Order, Ranks};
+use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
 
 /// Starts of a test during a run: a standard error of three points at a success rate of one half, nothing near one.
 const SELECTION_EPISODES: usize = 256;
@@ -156,7 +156,7 @@ pub enum TrainingError {
     },
     /// Several processes.
     #[error(transparent)]
-    Ranks(#[from] RankError),
+    Ranks(#[from] UnequalShares),
     /// The task has no derivatives, or the checkpoint does not fit it.
     #[error(transparent)]
     Analytic(#[from] AnalyticError),

@@ -16,9 +16,12 @@
 //! Where a method of continual learning remembers earlier tasks, its [`Regulariser`] adds its penalty's gradient, as in
 //! [`crate::ppo`].
 //!
-//! Sums have an order of their own for any number of threads: each environment batch has its own gradient.
+//! Sums have an order of their own for any number of threads and processes: each environment batch has its own gradient.
 
 mod continual;
+mod distributed;
+
+use std::sync::Arc;
 
 use kestrel_core::activation::Activation;
 use kestrel_core::seed::{Purpose, Seed, Stream};
@@ -32,6 +35,7 @@ use crate::environment::{Environment, Outcome, TaskShape};
 use crate::gru::{Gru, GruWorkspace, forget, shorten};
 use crate::network::{Accumulate, Workspace, dispatch, square};
 use crate::ppo::{RestoreError, TrainerState, UpdateMetrics, restore_hidden};
+use crate::ranks::{self, Ranks};
 use crate::regulariser::{FineTuning, Learning, OptimiserStep, Regulariser, Visited};
 use crate::schedule::Schedule;
 
@@ -129,6 +133,7 @@ pub struct AnalyticTrainer<E: Differentiable> {
     updates: u64,
     batches: Vec<Batch<E>>,
     gradient: Vec<f32>,
+    ranks: Arc<dyn Ranks>,
 }
 
 /// Environments that are differentiated together, by one thread.
@@ -234,6 +239,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             gradient: vec![0.0; actor.parameters().len()],
             learning_rate: settings.learning_rate.initial(),
             updates: 0,
+            ranks: ranks::alone(),
             critic,
             actor,
         })
@@ -248,16 +254,9 @@ impl<E: Differentiable> AnalyticTrainer<E> {
     /// As [`Self::update`], regularised towards what earlier tasks left behind.
     pub fn update_with(&mut self, regulariser: &mut impl Regulariser) -> UpdateMetrics {
         let start = Instant::now();
-        let (actor, first) = (&self.actor, self.updates * self.batches.len() as u64);
-        let restarts = |batch: usize| Stream::new(self.seed, (first + batch as u64) as u32, Purpose::Shuffle);
-        let share = self.settings.restart_share;
-        self.batches.par_iter_mut().enumerate().for_each(|(index, batch)| {
-            batch.restart(share, &mut restarts(index));
-            batch.fly(actor);
-        });
+        self.fly();
         let rollout_secs = start.elapsed().as_secs_f64();
-        let limit = self.settings.adjoint_limit;
-        self.batches.par_iter_mut().for_each(|batch| batch.differentiate(actor, limit));
+        self.differentiate();
         let mut metrics =
             UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..UpdateMetrics::without_ppo() };
         self.descend(regulariser, &mut metrics);
@@ -265,11 +264,30 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
         self.learning_rate = self.settings.learning_rate.next(self.learning_rate, progress, 0.0);
         (metrics.steps, metrics.updates) = (self.steps(), self.updates);
-        let episodes: Vec<_> =
-            self.batches.iter_mut().flat_map(|batch| batch.environment.take_episodes()).collect();
+        let episodes = self.take_episodes();
         metrics.describe(&episodes);
         metrics.update_secs = start.elapsed().as_secs_f64() - rollout_secs;
         metrics
+    }
+
+    /// A window of my batches, before which some episodes end.
+    fn fly(&mut self) {
+        let (seed, first) = (self.seed, self.updates * self.batches.len() as u64);
+        let (share, actor) = (self.settings.restart_share, self.actor.clone());
+        let (start, mine) = self.mine();
+        mine.par_iter_mut().enumerate().for_each(|(index, batch)| {
+            let number = (first + (start + index) as u64) as u32;
+            batch.restart(share, &mut Stream::new(seed, number, Purpose::Shuffle));
+            batch.fly(&actor);
+        });
+    }
+
+    /// Back through the window of my batches; afterwards all ranks know the gradients and the rewards of all.
+    fn differentiate(&mut self) {
+        let (limit, actor) = (self.settings.adjoint_limit, self.actor.clone());
+        self.mine().1.par_iter_mut().for_each(|batch| batch.differentiate(&actor, limit));
+        self.share(|batch| &mut batch.gradient);
+        self.share_rewards();
     }
 
     /// One step of Adam along the mean gradient, clipped to the longest.
@@ -355,6 +373,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// The run between two updates.
     pub fn save(&self) -> TrainerState<E::State> {
+        let (env_batches, hidden) = self.batch_states();
         TrainerState {
             seed: self.seed,
             actor: self.actor.clone(),
@@ -363,14 +382,8 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             critic_optimiser: Adam::new(self.critic.parameters().len()),
             learning_rate: self.learning_rate,
             updates: self.updates,
-            env_batches: self.batches.iter().map(|batch| batch.environment.save()).collect(),
-            hidden: self
-                .batches
-                .iter()
-                .flat_map(|batch| &batch.memory)
-                .flat_map(|memory| &memory.hidden)
-                .copied()
-                .collect(),
+            env_batches,
+            hidden,
         }
     }
 }

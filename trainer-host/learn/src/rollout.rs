@@ -563,9 +563,17 @@ impl Rollout {
     }
 
     /// All numbers that a learner reads of it.
-    pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 7] {
-        let Self { observations, actions, teacher_actions, log_probs, values, advantages, returns, .. } = self;
-        [observations, actions, teacher_actions, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
+    pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 8] {
+        let Self {
+            hidden, observations, actions, teacher_actions, log_probs, values, advantages, returns, ..
+        } = self;
+        [hidden, observations, actions, teacher_actions, log_probs, values, advantages, returns]
+            .map(Vec::as_mut_slice)
+    }
+
+    /// How its steps ended.
+    pub(crate) fn outcomes_mut(&mut self) -> &mut [Outcome] {
+        &mut self.outcomes
     }
 
     /// The images that a learner reads of it.

@@ -191,6 +191,26 @@ fn drones_whose_delays_jitter_with_a_rate_loop() {
     assert_deterministic(&format!("{}terminations: [ collision ]", jittering()), 60, &[Collision]);
 }
 
+/// The same with positions that are late, outages and errors of every number.
+fn misled() -> String {
+    jittering().replace(
+        "state_secs: [0, 0.015],",
+        "state_secs: [0, 0.015], position_extra_secs: [0.01, 0.05], outages: { per_sec: 5, secs: [0.02, 0.1] },",
+    ) + "estimate:
+  position_m: { noise: 0.01, drift: 0.05 }
+  velocity_m_per_s: { noise: 0.05, drift: 0.05 }
+  tilt_deg: { noise: 0.5, drift: 1 }
+  heading_deg: { drift: 3 }
+  body_rates_rad_per_s: { noise: 0.05 }
+"
+}
+
+#[test]
+fn late_drones_whose_estimates_are_wrong() {
+    assert_deterministic(&misled(), 60, &[TimeLimit]);
+    assert_deterministic(&format!("{}terminations: [ collision ]", misled()), 60, &[Collision]);
+}
+
 /// The same by velocities whose controller has an integral.
 fn steadied() -> String {
     REAL.replace("thrust_body_rates: {}", "velocity: { integral_gain_per_s2: 6 }")

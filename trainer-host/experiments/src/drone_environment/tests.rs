@@ -13,6 +13,7 @@ use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_learn::schedule::Schedule;
 use kestrel_sim::contact::DistanceField;
+use kestrel_sim::estimate::EstimateErrors;
 use kestrel_sim::latency::Latency;
 use kestrel_sim::reward;
 use kestrel_sim::rooms::Ways;
@@ -53,6 +54,7 @@ fn scenario(critic: CriticView) -> Scenario {
             body_rates_limit: 1.0,
         },
         latency: Latency::NONE,
+        estimate: EstimateErrors::NONE,
         randomisation: Randomisation {
             mass: 0.1,
             inertia: 0.1,

@@ -22,13 +22,13 @@ use manifest::Baselines;
 use crate::atomic_file::{FileError, read, remove_unfinished, replace_atomically, write_atomically};
 use crate::checkpoint::{CheckpointError, Checkpoints};
 use crate::config_file::ConfigFile;
-use crate::learner::RankError;
 use crate::output::warn;
 use crate::results::{self, ResultsError};
 use crate::run_directory::lock::RunLock;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::sealed_file::SealError;
 use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::ranks::UnequalShares;
 use kestrel_sim::config::ConfigError;
 
 /// The resolved study in its directory.
@@ -66,7 +66,7 @@ pub enum RunError {
     Study(#[from] StudyError),
     /// Too many processes.
     #[error(transparent)]
-    Ranks(#[from] RankError),
+    Ranks(#[from] UnequalShares),
     /// A checkpoint cannot be written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

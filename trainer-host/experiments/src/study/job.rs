@@ -14,11 +14,11 @@ use super::sharing::{PolicySharing, SharingState};
 use super::{JobId, Study};
 use crate::drone_environment::TrainerState;
 use crate::evaluation::{Flyer, Starts, fly_episodes};
-use crate::learner::{Learner, LearnerSettings, RankError};
+use crate::learner::{Learner, LearnerSettings};
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::{AnalyticError, AnalyticSettings};
 use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, UpdateMetrics, WarmStart};
-use kestrel_learn::ranks::{self, Ranks};
+use kestrel_learn::ranks::{self, Ranks, UnequalShares};
 use kestrel_learn::regulariser::{Learning, Regulariser, RegulariserSettings, ShippedRegulariser, distil};
 use kestrel_learn::rollout::batch_rows;
 
@@ -153,7 +153,7 @@ impl<'a> JobRun<'a> {
     ///
     /// # Errors
     /// When it cannot be dealt to so many equally.
-    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
         self.ranks = Arc::clone(ranks);
         self.learner.work_with(ranks)
     }
@@ -368,7 +368,7 @@ impl StageLearner {
         }
     }
 
-    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), RankError> {
+    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
         match self {
             Self::One(trainer) => trainer.work_with(ranks),
             Self::Many(sharing) => Ok(sharing.work_with(ranks)?),

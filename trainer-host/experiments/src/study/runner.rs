@@ -13,11 +13,10 @@ use super::directory::{RunError, StudyDirectory, lock};
 use super::job::{JobRun, JobState};
 use super::{JobId, Study};
 use crate::interrupt::Interrupt;
-use crate::learner::RankError;
 use crate::progress::Progress;
 use crate::training_run::End;
 use kestrel_learn::analytic::AnalyticError;
-use kestrel_learn::ranks::{self, Order, Ranks};
+use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
 
 /// Time between checkpoints of a job; a kill costs no more.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(10);
@@ -193,7 +192,7 @@ pub enum FollowError {
     Restore(#[from] AnalyticError),
     /// There are too many of them.
     #[error(transparent)]
-    Ranks(#[from] RankError),
+    Ranks(#[from] UnequalShares),
 }
 
 #[cfg(test)]

@@ -15,11 +15,12 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// Flies the policy for another window and shows the task at its end.
     pub fn ended<T>(&mut self, show: impl FnOnce(&EndedTask<'_>) -> T) -> T {
-        let (actor, limit) = (&self.actor, self.settings.adjoint_limit);
-        self.batches.par_iter_mut().for_each(|batch| {
-            batch.fly(actor);
-            batch.differentiate(actor, limit);
-        });
+        let actor = self.actor.clone();
+        self.mine().1.par_iter_mut().for_each(|batch| batch.fly(&actor));
+        self.differentiate();
+        for step in 0..self.settings.steps_per_window {
+            self.share(|batch| &mut batch.steps[step].inputs);
+        }
         self.sum_gradients();
         let samples = (self.steps_in_update() as f32).max(1.0);
         let gradient: Vec<f32> = self.gradient.iter().map(|sum| -sum / samples).collect();

@@ -2,6 +2,7 @@ use super::*;
 use crate::network::InputBatch;
 use crate::pendulum::{Pendulum, SwingUp};
 use crate::ppo::CarryOver;
+use crate::ranks::threads::run_as;
 use crate::regulariser::{CoresetSettings, RegulariserSettings, ShippedRegulariser};
 
 fn settings() -> AnalyticSettings {
@@ -81,6 +82,40 @@ fn check_bits(settings: &AnalyticSettings) {
     let bits = run(1, false);
     assert_eq!(run(3, false), bits);
     assert_eq!(run(2, true), bits);
+}
+
+#[test]
+fn any_number_of_ranks_comes_to_the_same_bits() {
+    for settings in [settings(), remembering()] {
+        let course = |ranks: &Arc<dyn Ranks>| {
+            let mut trainer = trainer(&AnalyticSettings { environments: 256, ..settings.clone() });
+            trainer.work_with(ranks).unwrap();
+            let kept = RegulariserSettings::Coreset(CoresetSettings { bytes: Some(8192), strength: 1.0 });
+            let networks = Learning { actor: &trainer.actor, critic: &trainer.critic };
+            let mut regulariser = kept.begin(networks);
+            (0..12).for_each(|_| drop(trainer.update()));
+            if trainer.actor.memory().is_none() {
+                trainer.consolidate(&mut regulariser);
+            }
+            let mut metrics = trainer.update_with(&mut regulariser);
+            (metrics.rollout_secs, metrics.update_secs) = (0.0, 0.0);
+            (trainer.save(), format!("{metrics:?}"), regulariser)
+        };
+        let alone = course(&ranks::alone());
+        for size in [2, 4] {
+            for found in run_as(size, |ranks| course(&ranks)) {
+                assert!(found == alone, "{size} ranks");
+            }
+        }
+    }
+}
+
+#[test]
+fn ranks_that_cannot_have_the_same_share_are_refused() {
+    let mut messages = run_as(3, |ranks| trainer(&settings()).work_with(&ranks).unwrap_err().to_string());
+    messages.dedup();
+    assert_eq!(messages.len(), 1);
+    assert!(messages[0].contains("3 ranks cannot share") && messages[0].contains("batches of"), "{messages:?}");
 }
 
 #[test]

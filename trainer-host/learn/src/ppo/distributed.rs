@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{EnvBatch, SHARDS, Trainer};
-use crate::environment::{Environment, Episode};
+use crate::environment::{Environment, Episode, Outcome};
 use crate::ranks::{self, Ranks, UnequalShares};
 
 impl<E: Environment> Trainer<E> {
@@ -40,6 +40,23 @@ impl<E: Environment> Trainer<E> {
             rest = others;
         }
         self.share_images();
+        self.share_outcomes();
+    }
+
+    /// How steps ended, where policies forget what they remember with their episodes.
+    fn share_outcomes(&mut self) {
+        if self.settings.memory.is_none() {
+            return;
+        }
+        let mine = ranks::part(&self.ranks, self.env_batches.len());
+        let mine = self.env_batches[mine].iter_mut().map(EnvBatch::rollout_mut);
+        let outcomes: Vec<Outcome> = mine.flat_map(|rollout| rollout.outcomes_mut().to_vec()).collect();
+        let mut all = ranks::gathered(&self.ranks, &outcomes).into_iter().flatten();
+        for env_batch in &mut self.env_batches {
+            for (outcome, shown) in env_batch.rollout_mut().outcomes_mut().iter_mut().zip(&mut all) {
+                *outcome = shown;
+            }
+        }
     }
 
     /// Bytes travel as the numbers that four of them are, whole slices being multiples of four.
@@ -96,13 +113,15 @@ impl<E: Environment> Trainer<E> {
         if self.ranks.size() == 1 { episodes } else { ranks::gathered(&self.ranks, &episodes).concat() }
     }
 
-    /// The environments of all environment batches.
-    pub(super) fn environment_states(&self) -> Vec<E::State> {
-        let mine = ranks::part(&self.ranks, self.env_batches.len());
-        let states: Vec<E::State> = self.env_batches[mine].iter().map(EnvBatch::save).collect();
+    /// The environments of all environment batches, and what their policies remember.
+    pub(super) fn batch_states(&self) -> (Vec<E::State>, Vec<f32>) {
+        let mine = &self.env_batches[ranks::part(&self.ranks, self.env_batches.len())];
+        let states: Vec<E::State> = mine.iter().map(EnvBatch::save).collect();
+        let hidden: Vec<f32> = mine.iter().flat_map(EnvBatch::hidden).copied().collect();
         if self.ranks.size() == 1 {
-            return states;
+            return (states, hidden);
         }
-        ranks::gathered(&self.ranks, &states).into_iter().flatten().collect()
+        let states = ranks::gathered(&self.ranks, &states).into_iter().flatten().collect();
+        (states, ranks::gathered(&self.ranks, &hidden).concat())
     }
 }

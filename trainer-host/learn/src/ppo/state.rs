@@ -188,6 +188,7 @@ pub(crate) fn restore_hidden(saved: &[f32], memories: Vec<&mut [f32]>) -> Result
 impl<E: Environment> Trainer<E> {
     /// The run between two updates; all its ranks save at once.
     pub fn save(&self) -> TrainerState<E::State> {
+        let (env_batches, hidden) = self.batch_states();
         TrainerState {
             seed: self.seed,
             actor: self.actor.clone(),
@@ -196,8 +197,8 @@ impl<E: Environment> Trainer<E> {
             critic_optimiser: self.critic_optimiser.clone(),
             learning_rate: self.learning_rate,
             updates: self.updates,
-            env_batches: self.environment_states(),
-            hidden: self.env_batches.iter().flat_map(EnvBatch::hidden).copied().collect(),
+            env_batches,
+            hidden,
         }
     }
 

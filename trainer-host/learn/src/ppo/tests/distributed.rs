@@ -8,9 +8,13 @@ use crate::regulariser::{
     Strength,
 };
 
+fn shared() -> PpoSettings {
+    PpoSettings { environments: 4 * ENV_BATCH, minibatch: 6 * ENV_BATCH, ..settings() }
+}
+
 /// What matters of a run of three updates, a task's end, and three more with what was kept of it.
 fn course(ranks: &Arc<dyn Ranks>) -> (TrainerState, Vec<UpdateMetrics>, ShippedRegulariser) {
-    let settings = PpoSettings { environments: 4 * ENV_BATCH, minibatch: 6 * ENV_BATCH, ..settings() };
+    let settings = shared();
     let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
     trainer.work_with(ranks).unwrap();
     let anchor = QuadraticSettings {
@@ -45,10 +49,28 @@ fn any_number_of_ranks_comes_to_the_same_bits() {
 }
 
 #[test]
+fn ranks_show_each_other_what_their_policies_remember() {
+    let memory = Some(MemorySettings { units: 8, steps_per_window: 2 });
+    let settings = PpoSettings { minibatch: 8 * ENV_BATCH, memory, ..shared() };
+    let course = |ranks: &Arc<dyn Ranks>| {
+        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
+        trainer.work_with(ranks).unwrap();
+        let ended: u64 = (0..4).map(|_| trainer.update().episodes).sum();
+        (trainer.save(), ended)
+    };
+    let alone = course(&ranks::alone());
+    assert!(alone.1 > 0, "something is forgotten on the way");
+    for size in [2, 4] {
+        for found in run_as(size, |ranks| course(&ranks)) {
+            assert!(found == alone, "{size} ranks");
+        }
+    }
+}
+
+#[test]
 fn work_that_cannot_be_dealt_equally_is_refused() {
     let mut messages = run_as(3, |ranks| {
-        let settings = PpoSettings { environments: 4 * ENV_BATCH, minibatch: 6 * ENV_BATCH, ..settings() };
-        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
+        let mut trainer = Trainer::new(&[task(true)], &shared(), Seed(5));
         trainer.work_with(&ranks).unwrap_err().to_string()
     });
     messages.dedup();
