@@ -398,7 +398,7 @@ impl<E: Differentiable> Batch<E> {
         };
         let memory = |memory: &Gru| WindowMemory {
             hidden: vec![0.0; memory.units() * rows],
-            workspace: GruWorkspace::new(memory, rows),
+            workspace: GruWorkspace::new(memory, rows, steps),
             lengths: vec![0.0; rows],
         };
         Self {
@@ -427,10 +427,21 @@ impl<E: Differentiable> Batch<E> {
         }
     }
 
-    /// What the policy's network read in the last window.
+    /// What the policy read in the last window.
     fn visited(&self) -> Visited<'_> {
-        let slices = self.steps.iter().map(|step| step.inputs.as_slice()).collect();
-        Visited { columns: self.environment.rewards().len(), slices }
+        let slice = |index: usize| match &self.memory {
+            None => self.steps[index].inputs.as_slice(),
+            Some(memory) => memory.workspace.inputs(index),
+        };
+        Visited { columns: self.environment.rewards().len(), slices: (0..self.steps.len()).map(slice).collect() }
+    }
+
+    /// The same of one step, to be written.
+    fn visited_mut(&mut self, index: usize) -> &mut [f32] {
+        match &mut self.memory {
+            None => &mut self.steps[index].inputs,
+            Some(memory) => memory.workspace.inputs_mut(index),
+        }
     }
 
     /// A window of steps with the mean actions.

@@ -130,11 +130,12 @@ pub(crate) struct GruWorkspace {
 }
 
 impl GruWorkspace {
-    pub(crate) fn new(gru: &Gru, columns: usize) -> Self {
+    /// With room for so many steps, at least one; windows may be longer.
+    pub(crate) fn new(gru: &Gru, columns: usize, steps: usize) -> Self {
         let zeros = |rows: usize| vec![0.0; rows * columns];
         Self {
             columns,
-            steps: vec![GruStep::new(gru, columns)],
+            steps: vec![GruStep::new(gru, columns); steps],
             len: 0,
             carried: zeros(gru.units()),
             gate_deltas: zeros(2 * gru.units()),
@@ -166,6 +167,16 @@ impl GruWorkspace {
     /// The state after the last step, `[units][columns]`.
     pub(crate) fn hidden(&self) -> &[f32] {
         &self.steps[self.len - 1].hidden
+    }
+
+    /// What a step of the window read: the observation, and behind it the state of before, `[observation + units][columns]`.
+    pub(crate) fn inputs(&self, index: usize) -> &[f32] {
+        &self.steps[index].inputs
+    }
+
+    /// As [`Self::inputs`], to be written.
+    pub(crate) fn inputs_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.steps[index].inputs
     }
 
     /// Keeps the loss gradient of the last step's state.

@@ -103,7 +103,8 @@ pub struct EndedTask<'a> {
 pub struct Visited<'a> {
     /// Samples of a slice, the same for all batches.
     pub columns: usize,
-    /// Slices `[inputs of the policy's network][columns]`, perhaps with rows behind these that others read.
+    /// Slices `[inputs of the policy][columns]`, perhaps with rows behind these that others read: an observation, and behind it
+    /// what a memory held before.
     pub slices: Vec<&'a [f32]>,
 }
 

@@ -19,6 +19,7 @@ pub use method::{MethodConfig, ProcedureConfig, SequentialConfig, SharingConfig}
 use super::Study;
 use super::procedure::{Method, Procedure};
 use claim::Claim;
+use kestrel_learn::regulariser::RegulariserSettings;
 
 use crate::config_file::ConfigFile;
 use crate::experiment_config::{
@@ -325,12 +326,19 @@ fn refuse_lost_memory(
 ) -> Result<(), ConfigError> {
     let keeps_it = match procedure {
         Procedure::Joint | Procedure::Experts => true,
+        Procedure::Sequential { regulariser: RegulariserSettings::None, .. } => true,
+        // What PPO remembers of a flight are the hidden states at the beginnings of windows.
+        Procedure::Sequential { regulariser: RegulariserSettings::CompactCoreset(_), .. } => {
+            training.analytic.is_some()
+        }
         Procedure::Sequential { .. } | Procedure::Sharing { .. } | Procedure::Distil { .. } => false,
     };
     if training.ppo.memory.is_none() || keeps_it {
         return Ok(());
     }
-    Err(learn.reject("policies with a memory", "`joint` or `experts`: other methods do not carry a hidden state"))
+    let expected = "`joint`, `experts`, `sequential` without a consolidator or, by gradients, with `compact_coreset`: \
+                    other methods do not carry a hidden state";
+    Err(learn.reject("policies with a memory", expected))
 }
 
 /// Refuses a training that learners whose policies are averaged do not have.

@@ -219,7 +219,7 @@ impl NetworkWorkspace {
         Self {
             network: Workspace::new(network_ref.mlp, columns),
             encoder: network_ref.encoder.map(|encoder| EncoderWorkspace::new(encoder, columns)),
-            memory: network_ref.memory.map(|memory| GruWorkspace::new(memory, columns)),
+            memory: network_ref.memory.map(|memory| GruWorkspace::new(memory, columns, 1)),
             own_values: (inputs - outputs) * columns,
             inputs: vec![0.0; if outputs == 0 { 0 } else { inputs * columns }],
             front_deltas: vec![0.0; outputs * columns],

@@ -19,7 +19,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         self.mine().1.par_iter_mut().for_each(|batch| batch.fly(&actor));
         self.differentiate();
         for step in 0..self.settings.steps_per_window {
-            self.share(|batch| &mut batch.steps[step].inputs);
+            self.share(|batch| batch.visited_mut(step));
         }
         self.sum_gradients();
         let samples = (self.steps_in_update() as f32).max(1.0);

@@ -3,7 +3,9 @@ use crate::network::InputBatch;
 use crate::pendulum::{Pendulum, SwingUp};
 use crate::ppo::CarryOver;
 use crate::ranks::threads::run_as;
-use crate::regulariser::{CoresetSettings, RegulariserSettings, ShippedRegulariser};
+use crate::regulariser::{
+    CompactCoresetSettings, CoresetSettings, RegulariserSettings, ShippedRegulariser, Strength,
+};
 
 fn settings() -> AnalyticSettings {
     AnalyticSettings { environments: 128, steps_per_window: 20, adjoint_limit: 1e9, ..AnalyticSettings::default() }
@@ -90,13 +92,11 @@ fn any_number_of_ranks_comes_to_the_same_bits() {
         let course = |ranks: &Arc<dyn Ranks>| {
             let mut trainer = trainer(&AnalyticSettings { environments: 256, ..settings.clone() });
             trainer.work_with(ranks).unwrap();
-            let kept = RegulariserSettings::Coreset(CoresetSettings { bytes: Some(8192), strength: 1.0 });
+            let kept = RegulariserSettings::CompactCoreset(compact(8192));
             let networks = Learning { actor: &trainer.actor, critic: &trainer.critic };
             let mut regulariser = kept.begin(networks);
             (0..12).for_each(|_| drop(trainer.update()));
-            if trainer.actor.memory().is_none() {
-                trainer.consolidate(&mut regulariser);
-            }
+            trainer.consolidate(&mut regulariser);
             let mut metrics = trainer.update_with(&mut regulariser);
             (metrics.rollout_secs, metrics.update_secs) = (0.0, 0.0);
             (trainer.save(), format!("{metrics:?}"), regulariser)
@@ -155,6 +155,10 @@ fn what_is_kept_of_a_task_holds_the_policy() {
     };
     let (held, free) = (moved(memory), moved(ShippedRegulariser::None));
     assert!(held < 0.1 * free, "{held} {free}");
+}
+
+fn compact(bytes: usize) -> CompactCoresetSettings {
+    CompactCoresetSettings { bytes, strength: Strength::Fixed(100.0) }
 }
 
 #[test]

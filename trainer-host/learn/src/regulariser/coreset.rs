@@ -89,7 +89,7 @@ impl Regulariser for Coreset {
     }
 }
 
-/// Random states of the flight: each an observation, then the mean action.
+/// Random states of the flight: each an observation, what a memory held before, then the mean action.
 pub(super) fn draw_states(ended: &EndedTask<'_>, count: usize) -> Vec<Vec<f32>> {
     let (inputs, actor) = (ended.actor.mlp().inputs(), ended.actor);
     let mut stream = Stream::new(ended.seed, 0, Purpose::Coreset);
@@ -100,7 +100,8 @@ pub(super) fn draw_states(ended: &EndedTask<'_>, count: usize) -> Vec<Vec<f32>> 
         let observation = slice.chunks_exact(*columns).take(inputs).map(|row| row[column]);
         let mut state: Vec<f32> = observation.collect();
         let mut action = vec![0.0; actor.action_len()];
-        actor.act_mean(InputBatch::without_images(&state), &mut action);
+        let (values, hidden) = state.split_at(inputs - actor.units());
+        actor.act_mean(InputBatch { values, images: &[], hidden }, &mut action);
         state.extend(action);
         state
     };
