@@ -45,6 +45,11 @@ impl EstimateErrors {
         Self { position: none, velocity: none, tilt: none, heading: none, body_rates: none, drift_secs: 1.0 }
     };
 
+    /// Whether nothing is wrong.
+    pub(crate) fn is_none(&self) -> bool {
+        self.deviations().iter().all(|deviation| *deviation == Deviation::default())
+    }
+
     /// Of each number: position, velocity, rotation vector in the world, body rates.
     fn deviations(&self) -> [Deviation; ERROR_LEN] {
         let Self { position: p, velocity: v, tilt: t, heading: h, body_rates: r, drift_secs: _ } = *self;
@@ -69,7 +74,7 @@ pub(crate) struct ErrorMemory<const LANES: usize, R> {
 impl<const LANES: usize, R: Real> ErrorMemory<LANES, R> {
     /// Nothing where nothing is wrong.
     pub(crate) fn new(errors: &EstimateErrors, physics: &Physics) -> Option<Self> {
-        if *errors == EstimateErrors::NONE {
+        if errors.is_none() {
             return None;
         }
         Some(Self {

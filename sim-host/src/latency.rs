@@ -15,7 +15,7 @@ use kestrel_core::vehicle::State;
 use delay_line::DelayLine;
 pub use delay_line::Outages;
 
-use crate::estimate::{ErrorMemory, EstimateErrors};
+use crate::estimate::ErrorMemory;
 use crate::scenario::Scenario;
 use crate::seed::Stream;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
@@ -151,7 +151,7 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
     /// Nothing where nothing is late or wrong.
     pub(crate) fn new(scenario: &Scenario) -> Option<Self> {
         let Scenario { latency, physics, estimate, .. } = scenario;
-        if *latency == Latency::NONE && *estimate == EstimateErrors::NONE {
+        if *latency == Latency::NONE && estimate.is_none() {
             return None;
         }
         let nothing = [R::zero(); LANES];

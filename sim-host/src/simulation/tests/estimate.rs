@@ -106,6 +106,14 @@ fn errors_are_as_large_and_as_slow_as_was_said() {
 }
 
 #[test]
+fn without_errors_the_truth_itself_is_known() {
+    for estimate in ["{}", "{ drift_secs: 3 }"] {
+        let scenario = knowing("{}", estimate);
+        assert!(crate::latency::LatencyMemory::<8, f32>::new(&scenario).is_none(), "{estimate}");
+    }
+}
+
+#[test]
 fn rewards_and_motors_know_the_truth_that_the_policy_does_not() {
     let rewards = |estimate: &str| {
         let scenario = knowing("{}", estimate);
