@@ -52,19 +52,19 @@ impl Latency {
     pub(crate) fn draw(&self, stream: &mut Stream) -> Delays {
         let mut between = |[least, most]: [f32; 2]| if most > 0.0 { stream.between(least, most) } else { 0.0 };
         Delays {
-            state_secs: between(self.state_secs),
-            motor_secs: between(self.motor_secs),
-            position_extra_secs: between(self.position_extra_secs),
+            state: between(self.state_secs),
+            motor: between(self.motor_secs),
+            position_extra: between(self.position_extra_secs),
         }
     }
 }
 
-/// The delays of one drone in one episode.
+/// The delays of one drone in one episode \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Delays {
-    pub(crate) state_secs: f32,
-    pub(crate) motor_secs: f32,
-    pub(crate) position_extra_secs: f32,
+    pub(crate) state: f32,
+    pub(crate) motor: f32,
+    pub(crate) position_extra: f32,
 }
 
 /// The states of the drones of a block in columns: the true ones, or those that are known.
@@ -195,9 +195,9 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
     fn set_delays(&mut self, lane: usize, delays: Delays, stream: &mut Stream) {
         let substeps = |secs: f32| R::from_f64(f64::from(secs) * self.substeps_per_sec);
         if let Some(line) = &mut self.delay_line {
-            line.begin(lane, delays.position_extra_secs);
+            line.begin(lane, delays.position_extra);
         }
-        let delays = [substeps(delays.state_secs), substeps(delays.motor_secs)];
+        let delays = [substeps(delays.state), substeps(delays.motor)];
         [self.state_delay[lane], self.motor_delay[lane]] = delays;
         if let Some(jitter) = &mut self.jitter {
             set_row(&mut jitter.least, lane, delays);

@@ -386,7 +386,7 @@ fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effe
     };
     assert!(near(share(&|vehicle| vehicle.turning_gains.z), 0.8, 6.0));
     assert!(near(share(&|vehicle| 1.0 / vehicle.rotor_rise_rate), 0.2, 1.3));
-    let delays: Vec<f32> = vehicles.iter().map(|begun| begun.delays.state_secs).collect();
+    let delays: Vec<f32> = vehicles.iter().map(|begun| begun.delays.state).collect();
     assert!(delays.iter().all(|secs| (0.0..=0.015).contains(secs)) && delays.iter().any(|secs| *secs > 0.012));
     assert!(begin(&hover(), 0).vehicle.effects.is_none());
 }

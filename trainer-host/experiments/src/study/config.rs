@@ -325,8 +325,9 @@ fn refuse_lost_memory(
     learn: &Field<'_>,
 ) -> Result<(), ConfigError> {
     let keeps_it = match procedure {
-        Procedure::Joint | Procedure::Experts => true,
-        Procedure::Sequential { regulariser: RegulariserSettings::None, .. } => true,
+        Procedure::Joint
+        | Procedure::Experts
+        | Procedure::Sequential { regulariser: RegulariserSettings::None, .. } => true,
         // What PPO remembers of a flight are the hidden states at the beginnings of windows.
         Procedure::Sequential { regulariser: RegulariserSettings::CompactCoreset(_), .. } => {
             training.analytic.is_some()
