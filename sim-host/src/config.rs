@@ -182,7 +182,6 @@ impl ScenarioConfig {
         let goals = self.check_goals(agents.count, drawn.as_deref(), &aviary.world, field)?;
         self.line_up_gates(&mut aviary, &goals, field)?;
         self.check_carried(&aviary.world, &goals, field)?;
-        self.check_told(&goals, field)?;
         let task = rule_task(&aviary, drawn.as_deref(), &goals);
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
@@ -226,7 +225,7 @@ impl ScenarioConfig {
         })
     }
 
-    /// How the goals of so many drones differ or move.
+    /// How the goals of so many drones differ or move, and that what they are told goes with it.
     fn check_goals(
         &self,
         drones: u32,
@@ -234,11 +233,13 @@ impl ScenarioConfig {
         world: &World,
         field: &Field<'_>,
     ) -> Result<Goals, ConfigError> {
-        if drawn.is_some_and(Rooms::is_race) {
-            return Ok(Goals::Gates);
-        }
-        let goals = self.goals.as_ref();
-        Ok(goals.map(|goals| goals.check(drones, world, &field.at("goals"))).transpose()?.unwrap_or(Goals::Fixed))
+        let goals = match &self.goals {
+            _ if drawn.is_some_and(Rooms::is_race) => Goals::Gates,
+            Some(goals) => goals.check(drones, world, &field.at("goals"))?,
+            None => Goals::Fixed,
+        };
+        self.check_told(&goals, field)?;
+        Ok(goals)
     }
 
     /// Puts gates into the order in which they are passed; where they are no goals, they only stand there.
