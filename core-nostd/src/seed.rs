@@ -105,15 +105,20 @@ impl Stream {
 
     /// Standard normal (Box–Muller, cosine branch).
     pub fn normal(&mut self) -> f32 {
-        let radius = (-2.0 * libm::logf(1.0 - self.uniform())).sqrt();
-        radius * libm::cosf(core::f32::consts::TAU * self.uniform())
+        let [radius, angle] = self.normal_in_polar();
+        radius * libm::cosf(angle)
     }
 
     /// Two independent standard normals (Box–Muller), the first of them what [`Self::normal`] would be.
     pub fn normals(&mut self) -> [f32; 2] {
-        let radius = (-2.0 * libm::logf(1.0 - self.uniform())).sqrt();
-        let angle = core::f32::consts::TAU * self.uniform();
+        let [radius, angle] = self.normal_in_polar();
         [radius * libm::cosf(angle), radius * libm::sinf(angle)]
+    }
+
+    /// Radius and angle of a point that is standard normal in two dimensions.
+    fn normal_in_polar(&mut self) -> [f32; 2] {
+        let radius = (-2.0 * libm::logf(1.0 - self.uniform())).sqrt();
+        [radius, core::f32::consts::TAU * self.uniform()]
     }
 
     /// Uniform on the unit sphere (Archimedes: height and azimuth are uniform).

@@ -272,20 +272,21 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// A window of my batches, before which some episodes end.
     fn fly(&mut self) {
-        let (seed, first) = (self.seed, self.updates * self.batches.len() as u64);
-        let (share, actor) = (self.settings.restart_share, self.actor.clone());
-        let (start, mine) = self.mine();
-        mine.par_iter_mut().enumerate().for_each(|(index, batch)| {
-            let number = (first + (start + index) as u64) as u32;
-            batch.restart(share, &mut Stream::new(seed, number, Purpose::Shuffle));
-            batch.fly(&actor);
+        let mine = self.mine();
+        let Self { batches, actor, seed, settings, updates, .. } = self;
+        let first = *updates * batches.len() as u64 + mine.start as u64;
+        batches[mine].par_iter_mut().enumerate().for_each(|(index, batch)| {
+            let mut stream = Stream::new(*seed, (first + index as u64) as u32, Purpose::Shuffle);
+            batch.restart(settings.restart_share, &mut stream);
+            batch.fly(actor);
         });
     }
 
     /// Back through the window of my batches; afterwards all ranks know the gradients and the rewards of all.
     fn differentiate(&mut self) {
-        let (limit, actor) = (self.settings.adjoint_limit, self.actor.clone());
-        self.mine().1.par_iter_mut().for_each(|batch| batch.differentiate(&actor, limit));
+        let mine = self.mine();
+        let (actor, limit) = (&self.actor, self.settings.adjoint_limit);
+        self.batches[mine].par_iter_mut().for_each(|batch| batch.differentiate(actor, limit));
         self.share(|batch| &mut batch.gradient);
         self.share_rewards();
     }

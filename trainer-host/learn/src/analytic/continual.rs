@@ -15,8 +15,8 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// Flies the policy for another window and shows the task at its end.
     pub fn ended<T>(&mut self, show: impl FnOnce(&EndedTask<'_>) -> T) -> T {
-        let actor = self.actor.clone();
-        self.mine().1.par_iter_mut().for_each(|batch| batch.fly(&actor));
+        let (mine, actor) = (self.mine(), &self.actor);
+        self.batches[mine].par_iter_mut().for_each(|batch| batch.fly(actor));
         self.differentiate();
         for step in 0..self.settings.steps_per_window {
             self.share(|batch| batch.visited_mut(step));

@@ -1,6 +1,7 @@
 //! What the ranks of a run have in common, as `ppo::distributed`: each flies and differentiates its part of the batches of
 //! environments, and shows the others their gradients.
 
+use core::ops::Range;
 use std::sync::Arc;
 
 use super::{AnalyticTrainer, Batch, Differentiable};
@@ -23,10 +24,9 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         &self.ranks
     }
 
-    /// The batches that I fly, and the number of the first of them.
-    pub(super) fn mine(&mut self) -> (usize, &mut [Batch<E>]) {
-        let mine = ranks::part(&self.ranks, self.batches.len());
-        (mine.start, &mut self.batches[mine])
+    /// Which of the batches I fly.
+    pub(super) fn mine(&self) -> Range<usize> {
+        ranks::part(&self.ranks, self.batches.len())
     }
 
     /// Shows a column of each of my batches and reads those of the others.
@@ -49,7 +49,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
     /// Shows what my batches have been paid and reads it of the others.
     pub(super) fn share_rewards(&mut self) {
         if self.ranks.size() > 1 {
-            let mine: Vec<f64> = self.mine().1.iter().map(|batch| batch.reward).collect();
+            let mine: Vec<f64> = self.batches[self.mine()].iter().map(|batch| batch.reward).collect();
             let rewards = ranks::gathered(&self.ranks, &mine).concat();
             self.batches.iter_mut().zip(rewards).for_each(|(batch, reward)| batch.reward = reward);
         }
@@ -57,14 +57,15 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// Episodes that ended since the last call, in all batches.
     pub(super) fn take_episodes(&mut self) -> Vec<Episode> {
-        let episodes: Vec<Episode> =
-            self.mine().1.iter_mut().flat_map(|batch| batch.environment.take_episodes()).collect();
+        let mine = self.mine();
+        let batches = self.batches[mine].iter_mut();
+        let episodes: Vec<Episode> = batches.flat_map(|batch| batch.environment.take_episodes()).collect();
         if self.ranks.size() == 1 { episodes } else { ranks::gathered(&self.ranks, &episodes).concat() }
     }
 
     /// The environments of all batches, and what their policies remember.
     pub(super) fn batch_states(&self) -> (Vec<E::State>, Vec<f32>) {
-        let mine = &self.batches[ranks::part(&self.ranks, self.batches.len())];
+        let mine = &self.batches[self.mine()];
         let states: Vec<E::State> = mine.iter().map(|batch| batch.environment.save()).collect();
         let memories = mine.iter().flat_map(|batch| &batch.memory);
         let hidden: Vec<f32> = memories.flat_map(|memory| &memory.hidden).copied().collect();

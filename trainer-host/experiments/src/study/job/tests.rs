@@ -95,6 +95,15 @@ fn studies_by_gradients_leave_no_trace_of_interruptions_and_threads_either() {
 }
 
 #[test]
+fn a_policy_with_a_memory_learns_in_sequence_without_a_trace_of_interruptions_and_threads() {
+    for procedure in ["sequential: {}", "sequential: {consolidator: {compact_coreset: {bytes: 4096}}}"] {
+        let study = learning(procedure, &[ANALYTIC, "training.memory={units: 8}"]);
+        let whole = on_threads(1, || uninterrupted(&study));
+        assert!(on_threads(3, || interrupted(&study)) == whole, "{procedure}");
+    }
+}
+
+#[test]
 fn what_is_flown_already_is_not_learned_again() {
     let skip = ["evaluation.stop_at_success=0.000001", "evaluation.skip_solved=true"];
     // Flights of one task are successes whoever flies.
