@@ -154,6 +154,26 @@ impl FixedMlp<'_> {
         self.forward(activations, &mut scratch.sums)
     }
 
+    #[cfg(feature = "encoder")]
+    /// As [`Self::act_on_features`], with the `hidden` state behind the features, which `memory` has taken both in before.
+    pub(crate) fn act_on_features_recurrent(
+        &self,
+        observation: &[f32],
+        features: &[i16],
+        (memory, hidden): (&FixedGru<'_>, &mut [i16]),
+        activations: &mut [i16],
+        scratch: &mut FixedScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let observed = memory.observation_len().saturating_sub(features.len());
+        let (front, back) = activations.split_at_mut_checked(observed).unwrap_or_default();
+        self.read_observation(observation, front);
+        for (slot, feature) in back.iter_mut().zip(features) {
+            *slot = *feature;
+        }
+        memory.advance(activations, &mut scratch.sums, hidden);
+        self.forward(activations, &mut scratch.sums)
+    }
+
     /// The stored weight in `row` and `column` of `layer`; zero beyond the matrix.
     pub(crate) fn weight_code(&self, layer: usize, row: usize, column: usize) -> i16 {
         self.layers.get(layer).map_or(0, |layer| layer.weight_code(row, column))

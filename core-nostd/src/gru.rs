@@ -77,12 +77,7 @@ impl<'a> Gru<'a> {
     }
 
     /// Takes the observation at the start of `inputs` into the `hidden` state, and writes that behind it.
-    pub(crate) fn advance(
-        &self,
-        inputs: &mut [f32; WIDTH_LIMIT],
-        sums: &mut [f32; WIDTH_LIMIT],
-        hidden: &mut [f32; UNITS_LIMIT],
-    ) {
+    pub(crate) fn advance(&self, inputs: &mut [f32], sums: &mut [f32], hidden: &mut [f32]) {
         let MemoryShape { observation_len, units } = self.shape;
         let hidden = hidden.get_mut(..units).unwrap_or_default();
         copy(hidden, inputs.get_mut(observation_len..).unwrap_or_default());

@@ -124,6 +124,24 @@ impl Mlp<'_> {
         self.forward(inputs, &mut scratch.outputs)
     }
 
+    #[cfg(feature = "encoder")]
+    /// As [`Self::act_on_features`], with the `hidden` state behind the features, which `memory` has taken both in before.
+    pub(crate) fn act_on_features_recurrent(
+        &self,
+        observation: &[f32],
+        features: &[f32],
+        (memory, hidden): (&Gru<'_>, &mut [f32]),
+        inputs: &mut [f32],
+        scratch: &mut FloatScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let observed = memory.observation_len().saturating_sub(features.len());
+        let (front, back) = inputs.split_at_mut_checked(observed).unwrap_or_default();
+        read_observation(observation, front);
+        read_observation(features, back.get_mut(..features.len()).unwrap_or_default());
+        memory.advance(inputs, &mut scratch.outputs, hidden);
+        self.forward(inputs, &mut scratch.outputs)
+    }
+
     /// The weight in `row` and `column` of `layer`; zero beyond the matrix.
     pub(crate) fn weight(&self, layer: usize, row: usize, column: usize) -> f32 {
         self.layers.get(layer).map_or(0.0, |layer| layer.weight(row, column))

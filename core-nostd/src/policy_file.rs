@@ -19,13 +19,15 @@ pub use crate::policy_error::PolicyError;
 pub use airframe::PolicyAirframe;
 pub use header::{
     FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, RECURRENT_FORMAT_VERSION,
-    VISION_FORMAT_VERSION,
+    RECURRENT_VISION_FORMAT_VERSION, VISION_FORMAT_VERSION,
 };
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
 #[cfg(feature = "recurrent")]
 pub use recurrent::{MEMORY_HEADER_LEN, MemoryDraft, PolicyMemory, RecurrentDraft, RecurrentPolicy};
 #[cfg(feature = "encoder")]
-pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
+pub use vision::{
+    ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionMemory, VisionPolicy,
+};
 pub use writer::PolicyDraft;
 
 use crate::airframe::Airframe;

@@ -9,11 +9,13 @@ use std::{env, fs};
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::activation::Activation;
 use kestrel_core::airframe::CF2X;
+use kestrel_core::encoder::{Convolution, EncoderFormat, EncoderShape, STAGE_LIMIT, Volume};
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::mlp::{DenseLayer, WIDTH_LIMIT};
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
 use kestrel_core::policy_file::{
-    MemoryDraft, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, RecurrentDraft,
+    EncoderDraft, EncoderWorkspace, MemoryDraft, ParameterFormat, PolicyDraft, PolicyError, PolicyFile,
+    PolicyMetadata, RecurrentDraft, VisionDraft,
 };
 
 /// Policies of one kind each: velocities or rates as actions, each layout of the observation, each airframe of the vehicle.
@@ -24,6 +26,12 @@ const MEASURED_WIDTHS: [usize; 4] = [16, 64, 64, 4];
 
 /// Units of the memory that is budgeted in front of it.
 const MEASURED_UNITS: usize = 32;
+
+/// The grey image of an eye in front of both, and the convolutions of the eye that training calls `small`.
+const MEASURED_IMAGE: Volume = Volume { rows: 24, columns: 32, channels: 1 };
+const MEASURED_CONVOLUTIONS: [Convolution; 2] =
+    [Convolution { filters: 16, kernel: 4, stride: 2 }, Convolution { filters: 32, kernel: 4, stride: 2 }];
+const MEASURED_FEATURES: u16 = 64;
 
 /// STM32F405 of the Crazyflie 2.1: 128 KiB of the RAM that code and data may both use (RM0090, section 2.3).
 const STM32F405: &str =
@@ -68,9 +76,14 @@ fn write_policies(out: &Path) -> Result<(), Box<dyn Error>> {
         write_artifact(&mut source, out, ("16-64-64-4", arithmetic), &file)?;
         source.push_str(",\n");
     }
-    source.push_str("];\n#[cfg(feature = \"recurrent\")]\n/// The same behind a memory of 32 units, in both arithmetics.\npub static RECURRENT: &[Artifact] = &[\n");
+    source.push_str("];\n#[cfg(feature = \"encoder\")]\n/// The same behind a memory of 32 units, in both arithmetics.\npub static RECURRENT: &[Artifact] = &[\n");
     for (arithmetic, file) in measured_memory()? {
         write_artifact(&mut source, out, ("16-64-64-4 behind a memory of 32", arithmetic), &file)?;
+        source.push_str(",\n");
+    }
+    source.push_str("];\n#[cfg(feature = \"encoder\")]\n/// The same behind a memory of 32 units and an eye for 24 x 32 grey pixels, in both arithmetics.\npub static SEEING: &[Artifact] = &[\n");
+    for (arithmetic, file) in measured_eye()? {
+        write_artifact(&mut source, out, ("16-64-64-4 behind an eye and a memory of 32", arithmetic), &file)?;
         source.push_str(",\n");
     }
     source.push_str("];\n/// The one policy of the program `flight`: 16-64-64-4 in fixed point.\npub static FLOWN: Artifact =\n");
@@ -159,14 +172,19 @@ fn measured_network() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
     ])
 }
 
+/// Network, gates and candidate that read so many values and the hidden state.
+fn remembering(observed: usize, state: &mut u64) -> [Network; 3] {
+    let [_, first, second, outputs] = MEASURED_WIDTHS;
+    let inputs = observed + MEASURED_UNITS;
+    [&[inputs, first, second, outputs][..], &[inputs, 2 * MEASURED_UNITS], &[inputs, MEASURED_UNITS]]
+        .map(|widths| Network::random(widths, state))
+}
+
 /// As [`measured_network`], with a memory.
 fn measured_memory() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
     let mut state = 2;
-    let [observed, first, second, outputs] = MEASURED_WIDTHS;
-    let inputs = observed + MEASURED_UNITS;
-    let [network, gates, candidate] =
-        [&[inputs, first, second, outputs][..], &[inputs, 2 * MEASURED_UNITS], &[inputs, MEASURED_UNITS]]
-            .map(|widths| Network::random(widths, &mut state));
+    let observed = MEASURED_WIDTHS[0];
+    let [network, gates, candidate] = remembering(observed, &mut state);
     let observations: Vec<f32> = (0..8 * observed).map(|_| uniform(&mut state)).collect();
     let (layers, format) = (network.layers(), FixedFormat::finest(&network.layers(), 2.0)?);
     let memory =
@@ -178,6 +196,57 @@ fn measured_memory() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
         let draft = RecurrentDraft { policy, memory };
         let mut bytes = vec![0; draft.file_len()?];
         draft.write(&mut bytes)?;
+        Ok(bytes)
+    };
+    Ok([("fixed16", file(ParameterFormat::Fixed16(format))?), ("float32", file(ParameterFormat::Float32)?)])
+}
+
+/// As [`measured_memory`], with an eye.
+fn measured_eye() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
+    let (mut state, vectors) = (3, 2);
+    let shape = EncoderShape::new(MEASURED_IMAGE, &MEASURED_CONVOLUTIONS, MEASURED_FEATURES)?;
+    let mut parameters = Vec::new();
+    for stage in shape.stages() {
+        let limit = (3.0 / stage.terms() as f32).sqrt();
+        parameters.extend((0..stage.terms() * stage.filters()).map(|_| limit * uniform(&mut state)));
+        parameters.extend((0..stage.filters()).map(|_| 0.1 * uniform(&mut state)));
+    }
+    let [network, gates, candidate] = remembering(MEASURED_WIDTHS[0] + shape.features(), &mut state);
+    let observations: Vec<f32> = (0..vectors * MEASURED_WIDTHS[0]).map(|_| uniform(&mut state)).collect();
+    let images: Vec<u8> =
+        (0..vectors * shape.image().len()).map(|_| (127.5 * (uniform(&mut state) + 1.0)) as u8).collect();
+    let (layers, format) = (network.layers(), FixedFormat::finest(&network.layers(), 8.0)?);
+    let eye_format =
+        EncoderFormat::calibrated(&shape, &parameters, &[4.0; STAGE_LIMIT], format.input_fraction_bits)?;
+    let memory =
+        MemoryDraft { gates: gates.layers()[0], candidate: candidate.layers()[0], weight_fraction_bits: [0; 2] };
+    let memory = MemoryDraft { weight_fraction_bits: memory.finest_bits(format)?, ..memory };
+    let file = |parameter_format: ParameterFormat| -> Result<Vec<u8>, PolicyError> {
+        let draft = VisionDraft {
+            policy: PolicyDraft {
+                metadata: measured_metadata(),
+                parameters: parameter_format,
+                layers: &layers,
+                golden_observations: &observations,
+            },
+            encoder: EncoderDraft {
+                shape,
+                parameters: &parameters,
+                format: eye_format,
+                control_periods_per_image: 2,
+                golden_images: &images,
+            },
+            memory: Some(memory),
+        };
+        let (mut bytes, len) = (vec![0; draft.file_len()?], draft.memory_len());
+        match parameter_format {
+            ParameterFormat::Float32 => {
+                draft.write(&mut bytes, &mut EncoderWorkspace::Float32(&mut vec![0.0; len]))?
+            }
+            ParameterFormat::Fixed16(_) => {
+                draft.write(&mut bytes, &mut EncoderWorkspace::Fixed16(&mut vec![0; len]))?
+            }
+        };
         Ok(bytes)
     };
     Ok([("fixed16", file(ParameterFormat::Fixed16(format))?), ("float32", file(ParameterFormat::Float32)?)])

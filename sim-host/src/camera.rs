@@ -24,6 +24,7 @@ use nalgebra::Vector3;
 pub use backend::{Backend, RenderError, UnknownBackend};
 pub use kernel::Canvas;
 pub use onboard::{Channel, Mount, OnboardCamera};
+pub(crate) use optics::Calibration;
 pub use optics::Optics;
 pub use renderer::{Cpu, Renderer, Shot};
 pub use scene::{Mover, Scene};

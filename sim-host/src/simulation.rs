@@ -25,7 +25,7 @@ use crate::simd::Arch;
 use crate::stage::Stage;
 use crate::swarm::{Mechanics, set_row, vector};
 use crate::world::Pose;
-use imaging::Imaging;
+use imaging::{Imaging, Looking};
 pub use saving::SimulationState;
 
 /// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
@@ -95,7 +95,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             outcomes: vec![Outcome::Running; rows],
             final_observations: nothing(observation_len),
             final_privileged: nothing(privileged_len),
-            imaging: Imaging::new(scenario, rows, |row| {
+            imaging: Imaging::new(scenario, environments, rows, |row| {
                 let (agent, environment) = (row / environments, first_environment + (row % environments) as u32);
                 Stream::of_camera(seed, environment, agent as u32, purpose)
             }),
@@ -313,14 +313,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 continue;
             }
             let (agent, lane) = self.agent(row);
-            let (motion, period) = (agent.motion(lane), agent.period(lane));
-            if imaging.has_movers() && imaging.is_due(period) {
-                let (drone, environment) = (row / self.environments, row % self.environments);
-                let block = &self.blocks[environment / LANES];
-                let team: Vec<Pose> = block.agents.iter().map(|agent| agent.motion(lane).pose).collect();
-                imaging.place(drone, &team, &self.movables(environment));
+            let (drone, environment) = (row / self.environments, row % self.environments);
+            let looking = Looking { row, environment, drone, room: agent.room(lane), period: agent.period(lane) };
+            if imaging.is_due(looking.period) {
+                imaging.prepare(&looking, &self.scenario, || {
+                    let team = self.blocks[environment / LANES].agents.iter();
+                    (team.map(|agent| agent.motion(lane).pose).collect(), self.movables(environment))
+                });
             }
-            imaging.look(row, &motion, period);
+            imaging.look(&looking, &agent.motion(lane));
         }
         self.imaging = Some(imaging);
     }

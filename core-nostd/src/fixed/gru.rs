@@ -6,7 +6,7 @@
 use super::layer::FixedLayer;
 use super::{ACTIVATION_FRACTION_BITS, FixedFormat, requantised, split_layer, tanh};
 use crate::gru::MemoryShape;
-use crate::limits::{LAYER_LIMIT, UNITS_LIMIT, WIDTH_LIMIT};
+use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
 
 /// Fraction bits of the hidden state, which is in \[-1, 1\].
@@ -55,12 +55,7 @@ impl<'a> FixedGru<'a> {
     }
 
     /// Takes the observation at the start of `activations` into the `hidden` state, and writes that behind it.
-    pub(crate) fn advance(
-        &self,
-        activations: &mut [i16; WIDTH_LIMIT],
-        sums: &mut [i32; WIDTH_LIMIT],
-        hidden: &mut [i16; UNITS_LIMIT],
-    ) {
+    pub(crate) fn advance(&self, activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT], hidden: &mut [i16]) {
         let hidden = hidden.get_mut(..self.shape.units).unwrap_or_default();
         self.show(hidden, activations);
         self.gates.apply(activations, sums);
@@ -84,7 +79,7 @@ impl<'a> FixedGru<'a> {
         self.show(hidden, activations);
     }
 
-    fn show(&self, hidden: &[i16], activations: &mut [i16; WIDTH_LIMIT]) {
+    fn show(&self, hidden: &[i16], activations: &mut [i16]) {
         let back = activations.get_mut(self.shape.observation_len..).unwrap_or_default();
         for (slot, value) in back.iter_mut().zip(hidden) {
             *slot = self.rounded(i32::from(*value));

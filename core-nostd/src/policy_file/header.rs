@@ -23,8 +23,11 @@ pub const FORMAT_VERSION: u16 = 1;
 /// The format version of policies with an encoder.
 pub const VISION_FORMAT_VERSION: u16 = 2;
 
-/// The format version of recurrent policies, and the newest that is read.
+/// The format version of recurrent policies.
 pub const RECURRENT_FORMAT_VERSION: u16 = 3;
+
+/// The format version of policies with an encoder and, behind it, a memory, and the newest that is read.
+pub const RECURRENT_VISION_FORMAT_VERSION: u16 = 4;
 
 /// Bytes of the header; the metadata follow.
 pub const HEADER_LEN: usize = 40;
@@ -259,12 +262,12 @@ pub(super) fn check_envelope(bytes: &[u8], version: u16) -> Result<(), PolicyErr
     if bytes.len() < HEADER_LEN {
         return Err(truncated);
     }
-    let (found, newest) = (u16_at(bytes, 8), RECURRENT_FORMAT_VERSION);
+    let (found, newest) = (u16_at(bytes, 8), RECURRENT_VISION_FORMAT_VERSION);
     match found {
         0 => return Err(PolicyError::Version { found, newest }),
         _ if found == version => {}
         FORMAT_VERSION => return Err(PolicyError::StateBased),
-        VISION_FORMAT_VERSION => return Err(PolicyError::Vision),
+        VISION_FORMAT_VERSION | RECURRENT_VISION_FORMAT_VERSION => return Err(PolicyError::Vision),
         RECURRENT_FORMAT_VERSION => return Err(PolicyError::Recurrent),
         _ => return Err(PolicyError::NewerVersion { found, newest }),
     }

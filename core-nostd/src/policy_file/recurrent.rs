@@ -36,10 +36,10 @@ pub struct RecurrentPolicy<'a> {
 
 /// Everything in the memory's header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct MemoryHeader {
-    units: usize,
+pub(super) struct MemoryHeader {
+    pub(super) units: usize,
     /// Fraction bits of the weights of gates and candidate in fixed point; zero in float.
-    weight_fraction_bits: [u8; 2],
+    pub(super) weight_fraction_bits: [u8; 2],
 }
 
 /// What goes into the file of a recurrent policy.
@@ -64,36 +64,43 @@ pub struct MemoryDraft<'a> {
 }
 
 impl MemoryHeader {
-    fn parse(bytes: &[u8], header: &Header) -> Result<Self, PolicyError> {
+    /// Reads it from byte `offset` of a file, for a memory that takes in `observation_len` values.
+    pub(super) fn parse(
+        file: &[u8],
+        offset: usize,
+        observation_len: usize,
+        parameters: ParameterFormat,
+    ) -> Result<Self, PolicyError> {
+        let bytes = file.get(offset..).unwrap_or_default();
         let parsed = Self {
             units: usize::from(u16_at(bytes, 0)),
             weight_fraction_bits: [u8_at(bytes, 2), u8_at(bytes, 3)],
         };
-        let used = match header.parameters {
+        let used = match parameters {
             ParameterFormat::Float32 => 2,
             ParameterFormat::Fixed16(_) => 4,
         };
         if let Some(at) = (used..MEMORY_HEADER_LEN).find(|at| u8_at(bytes, *at) != 0) {
             let found = u16::from(u8_at(bytes, at));
-            return Err(PolicyError::UnusedField { offset: HEADER_LEN + at, found });
+            return Err(PolicyError::UnusedField { offset: offset + at, found });
         }
-        parsed.shape(header).check()?;
+        parsed.shape(observation_len).check()?;
         Ok(parsed)
     }
 
-    fn encode(&self) -> [u8; MEMORY_HEADER_LEN] {
+    pub(super) fn encode(&self) -> [u8; MEMORY_HEADER_LEN] {
         let [low, high] = (self.units as u16).to_le_bytes();
         let [gates, candidate] = self.weight_fraction_bits;
         [low, high, gates, candidate, 0, 0, 0, 0]
     }
 
-    fn shape(&self, header: &Header) -> MemoryShape {
-        MemoryShape { observation_len: header.observation_len(), units: self.units }
+    fn shape(&self, observation_len: usize) -> MemoryShape {
+        MemoryShape { observation_len, units: self.units }
     }
 
-    fn sizes(&self, header: &Header) -> FrontSizes {
-        let inputs = self.shape(header).inputs();
-        let bytes = |outputs| header.parameters.layer_bytes(inputs, outputs);
+    pub(super) fn sizes(&self, observation_len: usize, parameters: ParameterFormat) -> FrontSizes {
+        let inputs = self.shape(observation_len).inputs();
+        let bytes = |outputs| parameters.layer_bytes(inputs, outputs);
         FrontSizes {
             header_len: MEMORY_HEADER_LEN,
             features: self.units,
@@ -101,17 +108,54 @@ impl MemoryHeader {
             parameter_bytes: bytes(2 * self.units) + bytes(self.units),
         }
     }
+
+    /// Multiplications of a step.
+    pub(super) fn multiply_accumulates(&self, observation_len: usize) -> usize {
+        3 * self.shape(observation_len).inputs() * self.units
+    }
 }
 
 impl<'a> PolicyMemory<'a> {
-    fn from_parameters(header: &Header, memory: &MemoryHeader, parameters: &'a [u8]) -> Result<Self, PolicyError> {
-        let shape = memory.shape(header);
-        match header.parameters {
+    /// A memory that takes in `observation_len` values.
+    pub(super) fn from_parameters(
+        format: ParameterFormat,
+        observation_len: usize,
+        memory: &MemoryHeader,
+        parameters: &'a [u8],
+    ) -> Result<Self, PolicyError> {
+        let shape = memory.shape(observation_len);
+        match format {
             ParameterFormat::Float32 => Gru::from_parameters(shape, parameters).map(Self::Float32),
             ParameterFormat::Fixed16(format) => {
                 FixedGru::from_parameters(shape, format, memory.weight_fraction_bits, parameters)
                     .map(Self::Fixed16)
             }
+        }
+    }
+}
+
+impl PolicyMemory<'_> {
+    /// As [`RecurrentPolicy::memory_weight`].
+    pub(super) fn weight(&self, header: &MemoryHeader, layer: usize, row: usize, column: usize) -> f32 {
+        match self {
+            Self::Float32(memory) => memory.layer(layer).weight(row, column),
+            Self::Fixed16(memory) => {
+                let bits = header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
+                f32::from(memory.weight_code(layer, row, column)) / (1_u32 << bits) as f32
+            }
+        }
+    }
+
+    /// As [`RecurrentPolicy::memory_bias`].
+    pub(super) fn bias(&self, header: &MemoryHeader, format: ParameterFormat, layer: usize, row: usize) -> f32 {
+        match (self, format) {
+            (Self::Fixed16(memory), ParameterFormat::Fixed16(format)) => {
+                let weights = header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
+                let bits = gru_format(format, weights).sum_fraction_bits(0).unwrap_or_default();
+                memory.bias_code(layer, row) as f32 / (1_u64 << bits) as f32
+            }
+            (Self::Float32(memory), _) => memory.layer(layer).bias(row),
+            (Self::Fixed16(_), ParameterFormat::Float32) => 0.0,
         }
     }
 }
@@ -147,10 +191,10 @@ impl<'a> RecurrentPolicy<'a> {
     /// [`PolicyError::Vision`] for a file of another kind.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
         let header = Header::parse(bytes, RECURRENT_FORMAT_VERSION)?;
-        let memory_header = MemoryHeader::parse(bytes.get(HEADER_LEN..).unwrap_or_default(), &header)?;
-        let sizes = memory_header.sizes(&header);
-        let (policy, parameters) = PolicyFile::read(bytes, header, sizes)?;
-        let memory = PolicyMemory::from_parameters(&policy.header, &memory_header, parameters)?;
+        let (observation_len, format) = (header.observation_len(), header.parameters);
+        let memory_header = MemoryHeader::parse(bytes, HEADER_LEN, observation_len, format)?;
+        let (policy, parameters) = PolicyFile::read(bytes, header, memory_header.sizes(observation_len, format))?;
+        let memory = PolicyMemory::from_parameters(format, observation_len, &memory_header, parameters)?;
         Ok(Self { policy, memory, header: memory_header, memory_bytes: parameters.len() })
     }
 
@@ -193,8 +237,7 @@ impl<'a> RecurrentPolicy<'a> {
 
     /// Multiplications of an action, the memory's included, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        let shape = self.header.shape(&self.policy.header);
-        self.policy.multiply_accumulates() + 3 * shape.inputs() * shape.units
+        self.policy.multiply_accumulates() + self.header.multiply_accumulates(self.policy.header.observation_len())
     }
 
     /// Bytes of weights and biases, the memory's and padding included.
@@ -209,26 +252,12 @@ impl<'a> RecurrentPolicy<'a> {
 
     /// The weight that stands in `row` and `column` of the gates (layer 0) or the candidate (1); zero beyond the matrix.
     pub fn memory_weight(&self, layer: usize, row: usize, column: usize) -> f32 {
-        match &self.memory {
-            PolicyMemory::Float32(memory) => memory.layer(layer).weight(row, column),
-            PolicyMemory::Fixed16(memory) => {
-                let bits = self.header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
-                f32::from(memory.weight_code(layer, row, column)) / (1_u32 << bits) as f32
-            }
-        }
+        self.memory.weight(&self.header, layer, row, column)
     }
 
     /// The bias that stands in `row`, as [`Self::memory_weight`]; zero beyond the rows.
     pub fn memory_bias(&self, layer: usize, row: usize) -> f32 {
-        match (&self.memory, self.policy.parameter_format()) {
-            (PolicyMemory::Fixed16(memory), ParameterFormat::Fixed16(format)) => {
-                let weights = self.header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
-                let bits = gru_format(format, weights).sum_fraction_bits(0).unwrap_or_default();
-                memory.bias_code(layer, row) as f32 / (1_u64 << bits) as f32
-            }
-            (PolicyMemory::Float32(memory), _) => memory.layer(layer).bias(row),
-            (PolicyMemory::Fixed16(_), ParameterFormat::Float32) => 0.0,
-        }
+        self.memory.bias(&self.header, self.policy.parameter_format(), layer, row)
     }
 
     /// How many values of `observation` lie beyond the range of the input format; none for a float policy.
@@ -270,7 +299,9 @@ impl RecurrentDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        self.headers().map(|(policy, memory)| policy.sections(memory.sizes(&policy)).checksum.end)
+        let (header, memory_header) = self.headers()?;
+        let sizes = memory_header.sizes(header.observation_len(), header.parameters);
+        Ok(header.sections(sizes).checksum.end)
     }
 
     /// Writes the file to the start of `bytes`, which start on a four-byte boundary of memory, and returns its length; the
@@ -280,24 +311,12 @@ impl RecurrentDraft<'_> {
     /// The variant of whatever no policy file can hold, [`PolicyError::Misaligned`] or [`PolicyError::BufferTooSmall`].
     pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
         let (header, memory_header) = self.headers()?;
-        let sizes = memory_header.sizes(&header);
+        let sizes = memory_header.sizes(header.observation_len(), header.parameters);
         let (file, sections) = self.policy.write_parts(&header, sizes, RECURRENT_FORMAT_VERSION, bytes)?;
         copy(&memory_header.encode(), section(file, HEADER_LEN..HEADER_LEN + MEMORY_HEADER_LEN));
-        self.write_memory(section(file, sections.front_parameters.clone()))?;
+        self.memory.write(self.policy.parameters, section(file, sections.front_parameters.clone()))?;
         self.write_actions(&header, &memory_header, &sections, file)?;
         Ok(seal(file))
-    }
-
-    fn write_memory(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
-        let MemoryDraft { gates, candidate, weight_fraction_bits: [gate_bits, candidate_bits] } = &self.memory;
-        let mut rest = bytes;
-        for (layer, bits) in [(gates, gate_bits), (candidate, candidate_bits)] {
-            rest = match self.policy.parameters {
-                ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), rest),
-                ParameterFormat::Fixed16(format) => write_layer(layer, gru_format(format, *bits), 0, rest)?,
-            };
-        }
-        Ok(())
     }
 
     /// Writes the golden observations, and the actions that the networks in the file give for them.
@@ -312,7 +331,8 @@ impl RecurrentDraft<'_> {
         let (parameters, rest) = rest.split_at_checked(sections.parameters.len()).unwrap_or_default();
         let memory_parameters = rest.get(..sections.front_parameters.len()).unwrap_or_default();
         let network = Network::from_parameters(header, memory_header.units, parameters)?;
-        let memory = PolicyMemory::from_parameters(header, memory_header, memory_parameters)?;
+        let (format, len) = (header.parameters, header.observation_len());
+        let memory = PolicyMemory::from_parameters(format, len, memory_header, memory_parameters)?;
         let (mut hidden, mut scratch) = (HiddenState::new(), PolicyScratch::new());
         let act = |observation: &[f32], _: &[u8]| {
             Ok(network.act_recurrent(observation, &memory, &mut hidden, &mut scratch))
@@ -321,9 +341,20 @@ impl RecurrentDraft<'_> {
     }
 
     fn headers(&self) -> Result<(Header, MemoryHeader), PolicyError> {
-        let MemoryDraft { gates, candidate, weight_fraction_bits } = &self.memory;
-        let shape =
-            MemoryShape { observation_len: self.policy.metadata.observation.len(), units: candidate.outputs };
+        let memory_header = self.memory.header(self.policy.metadata.observation.len(), self.policy.parameters)?;
+        Ok((self.policy.header(memory_header.units)?, memory_header))
+    }
+}
+
+impl MemoryDraft<'_> {
+    /// Of a memory that takes in `observation_len` values.
+    pub(super) fn header(
+        &self,
+        observation_len: usize,
+        parameters: ParameterFormat,
+    ) -> Result<MemoryHeader, PolicyError> {
+        let Self { gates, candidate, weight_fraction_bits } = self;
+        let shape = MemoryShape { observation_len, units: candidate.outputs };
         shape.check()?;
         let (inputs, units) = (shape.inputs(), shape.units);
         for (index, (layer, outputs)) in [(gates, 2 * units), (candidate, units)].into_iter().enumerate() {
@@ -332,16 +363,26 @@ impl RecurrentDraft<'_> {
                 return Err(PolicyError::LayerShape { layer: index, weights, biases, inputs, outputs });
             }
         }
-        let header = self.policy.header(units)?;
-        let weight_fraction_bits = match header.parameters {
+        let weight_fraction_bits = match parameters {
             ParameterFormat::Float32 => [0; 2],
             ParameterFormat::Fixed16(_) => *weight_fraction_bits,
         };
-        Ok((header, MemoryHeader { units, weight_fraction_bits }))
+        Ok(MemoryHeader { units, weight_fraction_bits })
     }
-}
 
-impl MemoryDraft<'_> {
+    /// Writes the parameters of both layers beside a network in this format.
+    pub(super) fn write(&self, parameters: ParameterFormat, bytes: &mut [u8]) -> Result<(), PolicyError> {
+        let Self { gates, candidate, weight_fraction_bits: [gate_bits, candidate_bits] } = self;
+        let mut rest = bytes;
+        for (layer, bits) in [(gates, gate_bits), (candidate, candidate_bits)] {
+            rest = match parameters {
+                ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), rest),
+                ParameterFormat::Fixed16(format) => write_layer(layer, gru_format(format, *bits), 0, rest)?,
+            };
+        }
+        Ok(())
+    }
+
     /// The finest formats of its weights beside a network in `format`, in which no weight saturates and no sum can leave
     /// 32 bits.
     ///

@@ -1,18 +1,22 @@
-//! Vision policies: a policy file of version 2 is one of version 1 with an encoder in front.
+//! Vision policies: a policy file of version 2 is one of version 1 with an encoder in front, one of version 4 has a memory
+//! behind that.
 
 mod header;
+mod memory;
 mod workspace;
 mod writer;
 
 pub use header::ENCODER_HEADER_LEN;
+pub use memory::VisionMemory;
 pub use workspace::EncoderWorkspace;
 pub use writer::{EncoderDraft, VisionDraft};
 
-use super::header::{HEADER_LEN, Header, VISION_FORMAT_VERSION};
+use super::header::{Header, RECURRENT_VISION_FORMAT_VERSION, VISION_FORMAT_VERSION, u16_at};
 use super::{Arithmetic, Network, ParameterFormat, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
 use crate::encoder::{Encoder, EncoderShape, FixedEncoder};
+use crate::gru::HiddenState;
 use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
-use header::EncoderHeader;
+use header::{EncoderHeader, FrontHeaders};
 
 /// The encoder of a policy, in its arithmetic.
 #[derive(Clone, Debug)]
@@ -25,11 +29,13 @@ pub enum PolicyEncoder<'a> {
 
 /// A policy with an encoder, whose parameters lie in borrowed bytes.
 ///
-/// Its network reads the observation and, behind it, the features of the last image.
+/// Its network reads the observation and, behind it, the features of the last image; where it has a memory also, behind
+/// these, the hidden state that has taken in this observation with its features and all before.
 #[derive(Clone, Debug)]
 pub struct VisionPolicy<'a> {
     policy: PolicyFile<'a>,
     encoder: PolicyEncoder<'a>,
+    memory: Option<VisionMemory<'a>>,
     encoder_bytes: usize,
     control_periods_per_image: u16,
 }
@@ -63,28 +69,28 @@ impl<'a> PolicyEncoder<'a> {
         }
     }
 
-    /// Values of memory for it and `network`. Their work is never done at the same time, so they share what is behind the
-    /// features.
-    fn memory_len(&self, network: &Network<'_>) -> usize {
+    /// Values of memory for it, `units` of a hidden state and `network`. The work of both networks is never done at the same
+    /// time, so they share what is behind features and hidden state.
+    fn memory_len(&self, units: usize, network: &Network<'_>) -> usize {
         let inputs = match network {
             Network::Float32(network) => network.inputs(),
             Network::Fixed16(network) => network.inputs().next_multiple_of(2),
         };
         let shape = self.shape();
-        shape.features() + shape.scratch_len().max(inputs).max(WIDTH_LIMIT)
+        shape.features() + units + shape.scratch_len().max(inputs).max(WIDTH_LIMIT)
     }
 
-    /// Keeps the features of `image` at the start of `memory`, which was checked.
-    fn encode(&self, image: &[u8], memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
+    /// Keeps the features of `image` at the start of `memory`, which was checked; behind them lie `units` of a hidden state.
+    fn encode(&self, image: &[u8], units: usize, memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
         let features = self.shape().features();
         match (self, memory) {
             (Self::Float32(encoder), EncoderWorkspace::Float32(values)) => {
                 let (features, scratch) = values.split_at_mut_checked(features).unwrap_or_default();
-                Ok(encoder.encode(image, scratch, features)?)
+                Ok(encoder.encode(image, scratch.get_mut(units..).unwrap_or_default(), features)?)
             }
             (Self::Fixed16(encoder), EncoderWorkspace::Fixed16(values)) => {
                 let (features, scratch) = values.split_at_mut_checked(features).unwrap_or_default();
-                Ok(encoder.encode(image, scratch, features)?)
+                Ok(encoder.encode(image, scratch.get_mut(units..).unwrap_or_default(), features)?)
             }
             // Excluded by the check.
             (Self::Float32(_), EncoderWorkspace::Fixed16(_))
@@ -94,14 +100,18 @@ impl<'a> PolicyEncoder<'a> {
 }
 
 impl Network<'_> {
-    /// The action on `observation` and the first `features` values of `memory`, which was checked.
+    /// The action on `observation` and the first `features` values of `memory`, which was checked; with what remembers also
+    /// on the hidden state behind them.
     fn act_on_features(
         &self,
         observation: &[f32],
-        features: usize,
+        (features, remembering): (usize, Option<&VisionMemory<'_>>),
         memory: &mut EncoderWorkspace<'_>,
         scratch: &mut PolicyScratch,
     ) -> [f32; ACTION_LIMIT] {
+        if let Some(remembering) = remembering {
+            return remembering.act(self, (observation, features), memory, scratch);
+        }
         match (self, memory) {
             (Self::Float32(network), EncoderWorkspace::Float32(values)) => {
                 let (features, inputs) = values.split_at_mut_checked(features).unwrap_or_default();
@@ -125,14 +135,22 @@ impl<'a> VisionPolicy<'a> {
     /// A variant per kind of damage; every altered bit and every cut is found. [`PolicyError::StateBased`] for a file that
     /// [`super::PolicyFile`] reads.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
-        let header = Header::parse(bytes, VISION_FORMAT_VERSION)?;
+        let remembers = u16_at(bytes, 8) == RECURRENT_VISION_FORMAT_VERSION;
+        let version = if remembers { RECURRENT_VISION_FORMAT_VERSION } else { VISION_FORMAT_VERSION };
+        let header = Header::parse(bytes, version)?;
+        let fronts = FrontHeaders::parse(bytes, remembers, &header)?;
+        let FrontHeaders { encoder, memory, observation_len } = fronts;
         let format = header.parameters;
-        let encoder = EncoderHeader::parse(bytes.get(HEADER_LEN..).unwrap_or_default(), format)?;
-        let (policy, parameters) = PolicyFile::read(bytes, header, encoder.sizes(format))?;
+        let (policy, parameters) = PolicyFile::read(bytes, header, fronts.sizes(format))?;
+        let encoder_bytes = encoder.sizes(format).parameter_bytes;
+        let (of_encoder, of_memory) = parameters.split_at_checked(encoder_bytes).unwrap_or_default();
+        let memory =
+            memory.map(|memory| VisionMemory::from_parameters(format, observation_len, &memory, of_memory));
         Ok(Self {
             policy,
-            encoder: PolicyEncoder::from_parameters(&encoder, format, parameters)?,
-            encoder_bytes: parameters.len(),
+            encoder: PolicyEncoder::from_parameters(&encoder, format, of_encoder)?,
+            memory: memory.transpose()?,
+            encoder_bytes,
             control_periods_per_image: encoder.control_periods_per_image,
         })
     }
@@ -162,19 +180,34 @@ impl<'a> VisionPolicy<'a> {
         self.control_periods_per_image
     }
 
-    /// Inputs and outputs of each layer behind the encoder; the first reads observation and features.
+    /// Units of the memory; none where nothing is remembered.
+    pub fn units(&self) -> usize {
+        self.memory.as_ref().map_or(0, VisionMemory::units)
+    }
+
+    /// Inputs and outputs of each layer behind the encoder; the first reads observation, features and hidden state.
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.policy.shapes()
     }
 
-    /// Multiplications of an action, without those of an image, padding not counted.
+    /// Multiplications of an action, the memory's included, without those of an image, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        self.policy.multiply_accumulates()
+        self.policy.multiply_accumulates() + self.memory.as_ref().map_or(0, VisionMemory::multiply_accumulates)
     }
 
-    /// Bytes of weights and biases behind the encoder, padding included.
+    /// Bytes of weights and biases behind the encoder, the memory's and padding included.
     pub fn parameter_bytes(&self) -> usize {
-        self.policy.parameter_bytes()
+        self.policy.parameter_bytes() + self.memory.as_ref().map_or(0, VisionMemory::bytes)
+    }
+
+    /// What remembers, if anything does.
+    pub fn memory(&self) -> Option<&VisionMemory<'a>> {
+        self.memory.as_ref()
+    }
+
+    /// The network behind encoder and memory, to read its numbers. By itself it acts on no features.
+    pub fn network(&self) -> &PolicyFile<'a> {
+        &self.policy
     }
 
     /// Bytes of the encoder's parameters, padding included.
@@ -182,9 +215,10 @@ impl<'a> VisionPolicy<'a> {
         self.encoder_bytes
     }
 
-    /// Values that [`EncoderWorkspace`] must have: the features, and room for the encoder's or the network's work.
+    /// Values that [`EncoderWorkspace`] must have: the features, the hidden state, and room for the encoder's or the network's
+    /// work.
     pub fn memory_len(&self) -> usize {
-        self.encoder.memory_len(&self.policy.network)
+        self.encoder.memory_len(self.units(), &self.policy.network)
     }
 
     /// Whether `memory` is of the right kind and long enough.
@@ -202,11 +236,11 @@ impl<'a> VisionPolicy<'a> {
     /// those of before.
     pub fn encode(&self, image: &[u8], memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
         self.check_memory(memory)?;
-        self.encoder.encode(image, memory)
+        self.encoder.encode(image, self.units(), memory)
     }
 
-    /// The action in \[-1, 1\] on an encoded observation and the features in `memory`, followed by zeros. Never
-    /// returns NaN, whatever the observation.
+    /// The action in \[-1, 1\] on an encoded observation and the features in `memory`, followed by zeros; the hidden state, if
+    /// there is one, takes both in before. Never returns NaN, whatever the observation.
     ///
     /// # Errors
     /// [`PolicyError::EncoderWorkspace`].
@@ -218,11 +252,57 @@ impl<'a> VisionPolicy<'a> {
     ) -> Result<[f32; ACTION_LIMIT], PolicyError> {
         self.check_memory(memory)?;
         let features = self.encoder.shape().features();
-        Ok(self.policy.network.act_on_features(observation, features, memory, scratch))
+        let remembering = self.memory.as_ref();
+        Ok(self.policy.network.act_on_features(observation, (features, remembering), memory, scratch))
+    }
+
+    /// Puts the `hidden` state of a flight into `memory`, for the actions that follow; nothing where nothing is remembered.
+    ///
+    /// # Errors
+    /// [`PolicyError::EncoderWorkspace`].
+    pub fn remember(&self, hidden: &HiddenState, memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
+        self.check_memory(memory)?;
+        let units = self.hidden_places();
+        match memory {
+            EncoderWorkspace::Float32(values) => {
+                let places = values.get_mut(units).unwrap_or_default();
+                places.iter_mut().zip(&hidden.float).for_each(|(place, value)| *place = *value);
+            }
+            EncoderWorkspace::Fixed16(values) => {
+                let places = values.get_mut(units).unwrap_or_default();
+                places.iter_mut().zip(&hidden.fixed).for_each(|(place, value)| *place = *value);
+            }
+        }
+        Ok(())
+    }
+
+    /// The hidden state in `memory` after the last action; zeros where nothing is remembered.
+    ///
+    /// # Errors
+    /// [`PolicyError::EncoderWorkspace`].
+    pub fn hidden(&self, memory: &EncoderWorkspace<'_>) -> Result<HiddenState, PolicyError> {
+        self.check_memory(memory)?;
+        let (units, mut hidden) = (self.hidden_places(), HiddenState::new());
+        match memory {
+            EncoderWorkspace::Float32(values) => {
+                let places = values.get(units).unwrap_or_default();
+                hidden.float.iter_mut().zip(places).for_each(|(value, place)| *value = *place);
+            }
+            EncoderWorkspace::Fixed16(values) => {
+                let places = values.get(units).unwrap_or_default();
+                hidden.fixed.iter_mut().zip(places).for_each(|(value, place)| *value = *place);
+            }
+        }
+        Ok(hidden)
+    }
+
+    fn hidden_places(&self) -> core::ops::Range<usize> {
+        let features = self.encoder.shape().features();
+        features..features + self.units()
     }
 
     /// Encodes the golden images and computes the golden actions again: to the bit in fixed point, to
-    /// [`super::FLOAT_SELF_TEST_TOLERANCE`] in float. The features in `memory` are lost.
+    /// [`super::FLOAT_SELF_TEST_TOLERANCE`] in float, as one flight where something is remembered. What is in `memory` is lost.
     ///
     /// # Errors
     /// [`PolicyError::SelfTest`] with the first deviation, or [`PolicyError::EncoderWorkspace`].
@@ -232,6 +312,7 @@ impl<'a> VisionPolicy<'a> {
         scratch: &mut PolicyScratch,
     ) -> Result<(), PolicyError> {
         let image_len = self.encoder.shape().image().len();
+        memory.clear();
         self.policy.compare_golden(|observation, image| {
             self.encode(image.get(..image_len).unwrap_or_default(), memory)?;
             self.act(observation, memory, scratch)

@@ -128,8 +128,9 @@ fn versions_are_told_apart() {
     for bytes in files() {
         assert_eq!(forged(&bytes, 8, 2), PolicyError::Vision);
         assert_eq!(forged(&bytes, 8, 3), PolicyError::Recurrent);
-        assert_eq!(forged(&bytes, 8, 4), PolicyError::NewerVersion { found: 4, newest: 3 });
-        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 3 });
+        assert_eq!(forged(&bytes, 8, 4), PolicyError::Vision);
+        assert_eq!(forged(&bytes, 8, 5), PolicyError::NewerVersion { found: 5, newest: 4 });
+        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 4 });
     }
 }
 
@@ -205,12 +206,12 @@ fn metadata_must_decode_and_make_sense() {
 fn messages_say_what_was_found_and_expected() {
     let [float, _] = files();
     let messages = [
-        forged(&float, 8, 4).to_string(),
+        forged(&float, 8, 5).to_string(),
         PolicyFile::parse(&float[..100]).unwrap_err().to_string(),
         PolicyFile::parse(b"hello world").unwrap_err().to_string(),
     ];
     let expected = [
-        "policy file has format version 4, this release reads up to 3: update kestrel, or export again".to_owned(),
+        "policy file has format version 5, this release reads up to 4: update kestrel, or export again".to_owned(),
         format!("policy file is truncated: found 100 bytes, expected {}", float.len()),
         r#"not a policy file: it begins with "hello wo", expected "\x89KPOL\r\n\x1a""#.to_owned(),
     ];

@@ -20,7 +20,6 @@ struct Remembering {
     gates: Model,
     candidate: Model,
     network: Model,
-    units: usize,
 }
 
 impl Remembering {
@@ -31,7 +30,6 @@ impl Remembering {
             gates: Model::random(21, &[inputs, 2 * units], 1.5),
             candidate: Model::random(22, &[inputs, units], 1.5),
             network: Model::random(23, &widths, 1.0),
-            units,
         }
     }
 
@@ -56,32 +54,41 @@ impl Remembering {
 
     /// Actions on a flight, in `f64`.
     fn reference(&self, flight: &[f32]) -> Vec<Vec<f64>> {
-        let affine = |model: &Model, inputs: &[f64]| -> Vec<f64> {
-            let DenseLayer { weights, bias, .. } = model.layers()[0];
-            let rows = weights.chunks_exact(inputs.len()).zip(bias);
-            rows.map(|(row, bias)| {
-                f64::from(*bias)
-                    + row.iter().zip(inputs).map(|(weight, input)| f64::from(*weight) * input).sum::<f64>()
-            })
-            .collect()
-        };
-        let sigmoid = |value: f64| 1.0 / (1.0 + libm::exp(-value));
-        let mut hidden = vec![0.0; self.units];
-        let mut actions = Vec::new();
-        for observation in flight.chunks_exact(PILOT_LEN) {
-            let observed: Vec<f64> = observation.iter().map(|value| f64::from(*value)).collect();
-            let gates: Vec<f64> =
-                affine(&self.gates, &[&observed[..], &hidden].concat()).into_iter().map(sigmoid).collect();
-            let gated: Vec<f64> = hidden.iter().zip(&gates).map(|(hidden, gate)| hidden * gate).collect();
-            let candidate = affine(&self.candidate, &[&observed[..], &gated].concat());
-            for ((hidden, candidate), kept) in hidden.iter_mut().zip(candidate).zip(&gates[self.units..]) {
-                *hidden = kept * *hidden + (1.0 - kept) * libm::tanh(candidate);
-            }
-            let inputs: Vec<f32> = observed.iter().chain(&hidden).map(|value| *value as f32).collect();
-            actions.push(self.network.reference(&inputs));
-        }
-        actions
+        reference([&self.gates, &self.candidate, &self.network], flight.chunks_exact(PILOT_LEN))
     }
+}
+
+/// Actions of gates, candidate and network on what a flight observes, in `f64`.
+pub(crate) fn reference<'f>(
+    [gates, candidate, network]: [&Model; 3],
+    flight: impl Iterator<Item = &'f [f32]>,
+) -> Vec<Vec<f64>> {
+    let affine = |model: &Model, inputs: &[f64]| -> Vec<f64> {
+        let DenseLayer { weights, bias, .. } = model.layers()[0];
+        let rows = weights.chunks_exact(inputs.len()).zip(bias);
+        rows.map(|(row, bias)| {
+            f64::from(*bias)
+                + row.iter().zip(inputs).map(|(weight, input)| f64::from(*weight) * input).sum::<f64>()
+        })
+        .collect()
+    };
+    let sigmoid = |value: f64| 1.0 / (1.0 + libm::exp(-value));
+    let units = candidate.layers()[0].outputs;
+    let mut hidden = vec![0.0; units];
+    let mut actions = Vec::new();
+    for observation in flight {
+        let observed: Vec<f64> = observation.iter().map(|value| f64::from(*value)).collect();
+        let opened: Vec<f64> =
+            affine(gates, &[&observed[..], &hidden].concat()).into_iter().map(sigmoid).collect();
+        let gated: Vec<f64> = hidden.iter().zip(&opened).map(|(hidden, gate)| hidden * gate).collect();
+        let renewed = affine(candidate, &[&observed[..], &gated].concat());
+        for ((hidden, candidate), kept) in hidden.iter_mut().zip(renewed).zip(&opened[units..]) {
+            *hidden = kept * *hidden + (1.0 - kept) * libm::tanh(candidate);
+        }
+        let inputs: Vec<f32> = observed.iter().chain(&hidden).map(|value| *value as f32).collect();
+        actions.push(network.reference(&inputs));
+    }
+    actions
 }
 
 fn files() -> [Vec<u8>; 2] {

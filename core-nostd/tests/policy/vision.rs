@@ -1,6 +1,7 @@
-//! Policies with an encoder: their files, what damages them, and their pilot.
+//! Policies with an encoder: their files, what damages them, their memory and their pilot.
 
 mod damage;
 mod file;
+mod memory;
 mod pilot;
 mod support;

@@ -8,23 +8,25 @@ use core::hint::black_box;
 use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::fixed::{FixedScratch, OutputLearner};
-#[cfg(feature = "recurrent")]
+#[cfg(feature = "encoder")]
 use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-#[cfg(feature = "recurrent")]
-use kestrel_core::policy_file::RecurrentPolicy;
 use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyScratch};
+#[cfg(feature = "encoder")]
+use kestrel_core::policy_file::{RecurrentPolicy, VisionPolicy};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::input::Inputs;
 use crate::learning::OUTPUT_PARAMETERS;
 use crate::machine::{Verdict, decimal, print};
-#[cfg(feature = "recurrent")]
-use crate::policy::RECURRENT;
 use crate::policy::{Artifact, MEASURED, NETWORK, PILOTS};
+#[cfg(feature = "encoder")]
+use crate::policy::{RECURRENT, SEEING};
 use crate::probe::{mark, stack_below};
+#[cfg(feature = "encoder")]
+use crate::sight::{Sight, photograph};
 
 /// Inputs per part: the greatest count is reported, because a few branches depend on them.
 const REPETITIONS: usize = 16;
@@ -36,8 +38,8 @@ pub fn run() -> Verdict {
     let steps = MEASURED.iter().map(step);
     let ticks = PILOTS.iter().map(tick);
     let learning = core::iter::once_with(learn);
-    #[cfg(feature = "recurrent")]
-    let learning = learning.chain(RECURRENT.iter().map(recurrent_step));
+    #[cfg(feature = "encoder")]
+    let learning = learning.chain(RECURRENT.iter().map(recurrent_step)).chain(SEEING.iter().map(look));
     if steps.chain(ticks).chain(learning).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
 }
 
@@ -87,7 +89,7 @@ fn step(artifact: &Artifact) -> Result<(), PolicyError> {
     Ok(())
 }
 
-#[cfg(feature = "recurrent")]
+#[cfg(feature = "encoder")]
 /// One inference of a policy that remembers.
 fn recurrent_step(artifact: &Artifact) -> Result<(), PolicyError> {
     let policy = RecurrentPolicy::parse(artifact.bytes)?;
@@ -99,6 +101,29 @@ fn recurrent_step(artifact: &Artifact) -> Result<(), PolicyError> {
         inputs.fill_usual(observation);
         window("recurrent-step", policy.arithmetic().name(), || {
             black_box(policy.act(black_box(observation), &mut hidden, &mut scratch));
+        });
+    }
+    Ok(())
+}
+
+#[cfg(feature = "encoder")]
+/// One image, and one inference of a policy that sees and remembers.
+fn look(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = VisionPolicy::parse(artifact.bytes)?;
+    let (arithmetic, mut sight, mut scratch) = (policy.arithmetic(), Sight::new(), PolicyScratch::new());
+    let mut workspace = sight.workspace(arithmetic);
+    workspace.clear();
+    let mut inputs = Inputs::new(6);
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..REPETITIONS {
+        let image = photograph(&mut inputs);
+        window("image", arithmetic.name(), || {
+            let _ = black_box(policy.encode(black_box(&image), &mut workspace));
+        });
+        inputs.fill_usual(observation);
+        window("seeing-step", arithmetic.name(), || {
+            let _ = black_box(policy.act(black_box(observation), &mut workspace, &mut scratch));
         });
     }
     Ok(())

@@ -1,13 +1,13 @@
 //! The same bits everywhere: digests of what every policy does with the same inputs.
 
 use kestrel_core::action::ACTION_LIMIT;
-#[cfg(feature = "recurrent")]
+#[cfg(feature = "encoder")]
 use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-#[cfg(feature = "recurrent")]
-use kestrel_core::policy_file::RecurrentPolicy;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyScratch};
+#[cfg(feature = "encoder")]
+use kestrel_core::policy_file::{RecurrentPolicy, VisionPolicy};
 
 use crate::autopilot;
 use crate::digest::Digest;
@@ -15,9 +15,11 @@ use crate::input::Inputs;
 use crate::learning;
 use crate::link;
 use crate::machine::{Verdict, hexadecimal, print};
-#[cfg(feature = "recurrent")]
-use crate::policy::RECURRENT;
 use crate::policy::{Artifact, MEASURED, PILOTS};
+#[cfg(feature = "encoder")]
+use crate::policy::{RECURRENT, SEEING};
+#[cfg(feature = "encoder")]
+use crate::sight::{Sight, photograph};
 
 /// Inputs of each policy in fixed point.
 const INPUTS: u32 = 100_000;
@@ -28,6 +30,10 @@ const FLOAT_INPUTS: u32 = if cfg!(target_arch = "riscv32") { FIRST_FLOAT_INPUTS 
 /// After so many inputs in float a digest is printed for comparison with machines that stop there.
 const FIRST_FLOAT_INPUTS: u32 = 5_000;
 
+/// Images that each policy with an eye sees, a control period each.
+#[cfg(feature = "encoder")]
+const IMAGES: u32 = 100;
+
 /// Control periods that each policy flies.
 const TICKS: u32 = 2_000;
 
@@ -36,8 +42,10 @@ const TICKS: u32 = 2_000;
 pub fn run() -> Verdict {
     let parts = learning::run().and(link::run()).and(autopilot::run());
     let policies = PILOTS.iter().chain(MEASURED).map(|artifact| check(artifact, digests(artifact)));
-    #[cfg(feature = "recurrent")]
-    let policies = policies.chain(RECURRENT.iter().map(|artifact| check(artifact, recurrent_digests(artifact))));
+    #[cfg(feature = "encoder")]
+    let policies = policies
+        .chain(RECURRENT.iter().map(|artifact| check(artifact, recurrent_digests(artifact))))
+        .chain(SEEING.iter().map(|artifact| check(artifact, seeing_digests(artifact))));
     policies.fold(parts, Verdict::and)
 }
 
@@ -75,7 +83,7 @@ fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
     Ok(())
 }
 
-#[cfg(feature = "recurrent")]
+#[cfg(feature = "encoder")]
 /// One long flight on random inputs, all of which the policy remembers.
 fn recurrent_digests(artifact: &Artifact) -> Result<(), PolicyError> {
     let policy = RecurrentPolicy::parse(artifact.bytes)?;
@@ -89,6 +97,26 @@ fn recurrent_digests(artifact: &Artifact) -> Result<(), PolicyError> {
         digest.add(&policy.act(observation, &mut hidden, &mut scratch));
     }
     line(artifact, policy.arithmetic(), "5,000 inputs", digest);
+    Ok(())
+}
+
+#[cfg(feature = "encoder")]
+/// One flight on random inputs and images, all of which the policy remembers.
+fn seeing_digests(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = VisionPolicy::parse(artifact.bytes)?;
+    let (mut sight, mut scratch) = (Sight::new(), PolicyScratch::new());
+    let mut workspace = sight.workspace(policy.arithmetic());
+    policy.self_test_with(&mut workspace, &mut scratch)?;
+    workspace.clear();
+    let (mut inputs, mut digest) = (Inputs::new(1), Digest::new());
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..IMAGES {
+        policy.encode(&photograph(&mut inputs), &mut workspace)?;
+        inputs.fill(observation);
+        digest.add(&policy.act(observation, &mut workspace, &mut scratch)?);
+    }
+    line(artifact, policy.arithmetic(), "100 images", digest);
     Ok(())
 }
 

@@ -21,3 +21,5 @@ pub mod machine;
 pub mod policy;
 #[cfg(target_os = "none")]
 pub mod probe;
+#[cfg(feature = "encoder")]
+pub mod sight;

@@ -18,6 +18,10 @@ pub struct OnboardCamera {
     pub control_periods_per_image: u32,
     /// Where it differs from a perfect one.
     pub optics: Optics,
+    /// Images that a policy gets at once, at least one: the last ones, the newest first.
+    pub frames: u32,
+    /// How many images lie from one of them to the next, at least one.
+    pub images_per_frame: u32,
 }
 
 /// How a camera is fixed to a drone.
@@ -42,7 +46,9 @@ pub enum Mount {
 pub enum Channel {
     /// Red, green, blue.
     Rgb,
-    /// The same and an opaque 255, as the reference has it.
+    /// Luma of the three, as ITU-R BT.601 weighs them: what a sensor without colour filters sees.
+    Grey,
+    /// The same as `Rgb` and an opaque 255, as the reference has it.
     Rgba,
     /// Depth along the optical axis: 255 is this \[m\] and everything beyond.
     Depth {
@@ -57,14 +63,23 @@ pub enum Channel {
 }
 
 impl OnboardCamera {
-    /// Bytes of a pixel.
+    /// Bytes of a pixel of what a policy gets: the channels of each frame, the newest first.
     pub fn pixel_len(&self) -> usize {
-        self.channels.iter().map(|channel| channel.bytes()).sum()
+        self.frames as usize * self.frame_pixel_len()
     }
 
-    /// Bytes of an image, `[rows][columns][channels]`.
+    /// Bytes of what a policy gets, `[rows][columns][frames][channels]`.
     pub fn image_len(&self) -> usize {
-        self.camera.rows * self.camera.columns * self.pixel_len()
+        self.frames as usize * self.frame_len()
+    }
+
+    /// Bytes of one image, `[rows][columns][channels]`.
+    pub fn frame_len(&self) -> usize {
+        self.camera.rows * self.camera.columns * self.frame_pixel_len()
+    }
+
+    fn frame_pixel_len(&self) -> usize {
+        self.channels.iter().map(|channel| channel.bytes()).sum()
     }
 
     /// Whether an image is taken when so many control periods of an episode have passed: at its start, and whenever the
@@ -94,18 +109,19 @@ impl OnboardCamera {
         }
     }
 
-    /// Writes what a policy gets of an image of this camera, `[rows][columns][channels]`.
+    /// Writes the bytes of an image of this camera, `[rows][columns][channels]`.
     ///
     /// # Panics
     /// When the image or the place for it has another size.
     pub fn write(&self, image: &Image, bytes: &mut [u8]) {
-        assert_eq!(bytes.len(), self.image_len(), "an image has so many bytes");
-        let stride = self.pixel_len();
+        assert_eq!(bytes.len(), self.frame_len(), "an image has so many bytes");
+        let stride = self.frame_pixel_len();
         let mut first = 0;
         for channel in &self.channels {
             let places = bytes.chunks_exact_mut(stride).map(|pixel| &mut pixel[first..first + channel.bytes()]);
             match *channel {
                 Channel::Rgb | Channel::Rgba => write_colours(image, places),
+                Channel::Grey => write_bytes(&image.colours, places, luma),
                 Channel::Depth { limit_m } => {
                     let scale = (255.0 / limit_m) as f32;
                     write_bytes(&image.depths, places, |depth| (depth * scale + 0.5) as u8);
@@ -121,6 +137,17 @@ impl OnboardCamera {
             first += channel.bytes();
         }
     }
+
+    /// Puts one image among those that a policy gets at once.
+    ///
+    /// # Panics
+    /// When the image or the place for all has another size.
+    pub(crate) fn stack(&self, frame: usize, bytes: &[u8], stacked: &mut [u8]) {
+        assert_eq!((bytes.len(), stacked.len()), (self.frame_len(), self.image_len()), "sizes of a stack");
+        let len = self.frame_pixel_len();
+        let places = stacked.chunks_exact_mut(self.pixel_len()).map(|pixel| &mut pixel[frame * len..][..len]);
+        places.zip(bytes.chunks_exact(len)).for_each(|(place, pixel)| place.copy_from_slice(pixel));
+    }
 }
 
 impl Channel {
@@ -129,9 +156,15 @@ impl Channel {
         match self {
             Self::Rgb => 3,
             Self::Rgba => 4,
-            Self::Depth { .. } | Self::DepthBuffer | Self::Labels => 1,
+            Self::Grey | Self::Depth { .. } | Self::DepthBuffer | Self::Labels => 1,
         }
     }
+}
+
+/// ITU-R BT.601, in parts of 256.
+fn luma([red, green, blue]: [u8; 3]) -> u8 {
+    let sum = 77 * u32::from(red) + 150 * u32::from(green) + 29 * u32::from(blue);
+    ((sum + 128) >> 8) as u8
 }
 
 /// What is behind the colours, if anything, is opaque.
@@ -157,7 +190,16 @@ mod tests {
     fn camera(channels: Vec<Channel>) -> OnboardCamera {
         let camera = Camera { columns: 2, rows: 1, near_m: 0.5, far_m: 100.0, ..Camera::REFERENCE };
         let mount = Mount::Body { position: Vector3::new(0.03, 0.0, 0.01), pitch: 0.0 };
-        OnboardCamera { camera, mount, channels, control_periods_per_image: 1, optics: Optics::default() }
+        let optics = Optics::default();
+        OnboardCamera {
+            camera,
+            mount,
+            channels,
+            control_periods_per_image: 1,
+            optics,
+            frames: 1,
+            images_per_frame: 1,
+        }
     }
 
     fn image() -> Image {
@@ -179,6 +221,21 @@ mod tests {
         camera.write(&image(), &mut bytes);
         // Twice as far as the nearest is half of the buffer, by (f - fn/z) / (f - n) = 0.5025.
         assert_eq!(bytes, [1, 2, 3, 255, 128, 4, 5, 6, 255, 255]);
+    }
+
+    #[test]
+    fn grey_is_luma_and_frames_lie_in_each_pixel() {
+        let camera = OnboardCamera { frames: 2, ..camera(vec![Channel::Grey, Channel::Labels]) };
+        assert_eq!((camera.frame_len(), camera.pixel_len(), camera.image_len()), (4, 4, 8));
+        let mut bytes = vec![0; camera.frame_len()];
+        let colours = vec![[255; 3], [100, 50, 200]];
+        camera.write(&Image { colours, ..image() }, &mut bytes);
+        // 0.299 · 100 + 0.587 · 50 + 0.114 · 200 = 82.05.
+        assert_eq!(bytes, [255, 7, 82, 255]);
+        let mut stacked = vec![0; camera.image_len()];
+        camera.stack(0, &bytes, &mut stacked);
+        camera.stack(1, &[1, 2, 3, 4], &mut stacked);
+        assert_eq!(stacked, [255, 7, 1, 2, 82, 255, 3, 4]);
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
-use super::Image;
+use super::{Camera, Image};
 use crate::contact::Motion;
 use crate::seed::Stream;
 use crate::world::Pose;
@@ -25,12 +26,53 @@ pub struct Optics {
     pub shutter_secs: f64,
     /// Control periods from an image's end to its arrival.
     pub latency_periods: u32,
+    /// Each episode has a focal length, uniform in `1 ± focal` of the camera's; in \[0, 1).
+    pub focal: f64,
+    /// Each episode has a mounting that is turned about each axis of the body, uniform in ± so much \[rad\].
+    pub turn: f64,
+}
+
+/// How the camera of a drone differs from that of the airframe in an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Calibration {
+    /// Of the focal length.
+    factor: f64,
+    /// Of the mounting \[rad, body\].
+    turn: [f64; 3],
+}
+
+impl Default for Calibration {
+    fn default() -> Self {
+        Self { factor: 1.0, turn: [0.0; 3] }
+    }
+}
+
+impl Calibration {
+    /// The camera with its own focal length.
+    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+        Camera { tangents: camera.tangents.map(|tangent| tangent / self.factor), ..*camera }
+    }
+
+    /// A drone whose camera looks where the one that is mounted askew does.
+    pub(crate) fn askew(&self, drone: &Pose) -> Pose {
+        let turn = Vector3::from(self.turn);
+        let Some(axis) = turn.try_normalize(0.0) else { return *drone };
+        let turn = Attitude::from_axis_angle(axis, turn.norm());
+        Pose { position: drone.position, world_from_body: drone.world_from_body.after(&turn) }
+    }
 }
 
 impl Optics {
     /// The factor on all colours of an episode.
     pub(crate) fn draw_gain(&self, stream: &mut Stream) -> f32 {
         if self.exposure == 0.0 { 1.0 } else { stream.between(1.0 - self.exposure, 1.0 + self.exposure) }
+    }
+
+    /// What an episode's camera is like.
+    pub(crate) fn draw_calibration(&self, stream: &mut Stream) -> Calibration {
+        let mut within =
+            |limit: f64| if limit == 0.0 { 0.0 } else { limit * f64::from(stream.between(-1.0, 1.0)) };
+        Calibration { factor: 1.0 + within(self.focal), turn: [self.turn; 3].map(within) }
     }
 
     /// Where a drone was at each of the instants that make an image, the last one first; only where it is now without a
@@ -115,6 +157,26 @@ mod tests {
         optics.spoil(1.4, &mut stream, &mut image);
         assert_eq!(image.colours, [[0, 140, 255]]);
         assert_eq!(Optics::default().draw_gain(&mut stream), 1.0);
+    }
+
+    #[test]
+    fn a_calibration_turns_the_view_and_scales_the_focal_length_within_its_limits() {
+        let optics = Optics { focal: 0.1, turn: 0.05, ..Optics::default() };
+        let (mut stream, drone) = (stream(), Pose::at(Vector3::new(1.0, 2.0, 3.0)));
+        let [mut widest, mut farthest] = [0.0_f64; 2];
+        for _ in 0..500 {
+            let own = optics.draw_calibration(&mut stream);
+            let scale = Camera::REFERENCE.tangents[0] / own.camera(&Camera::REFERENCE).tangents[0];
+            widest = widest.max((scale - 1.0).abs());
+            let askew = own.askew(&drone);
+            assert_eq!(askew.position, drone.position);
+            let apart = askew.world_from_body.rotate(Vector3::x()).angle(&Vector3::x());
+            farthest = farthest.max(apart);
+        }
+        // About two axes at once.
+        assert!(widest > 0.098 && widest < 0.1 && farthest > 0.06 && farthest < 0.072, "{widest} {farthest}");
+        let perfect = Optics::default().draw_calibration(&mut stream);
+        assert_eq!((perfect, perfect.askew(&drone)), (Calibration::default(), drone));
     }
 
     #[test]

@@ -15,6 +15,9 @@ const SIDE_LIMIT: u64 = 512;
 /// Most control periods for which an image is held.
 const PERIODS_LIMIT: u64 = 1000;
 
+/// Most images at once.
+const FRAMES_LIMIT: u64 = 16;
+
 const MEGABYTE: usize = 1 << 20;
 
 /// Nothing that is nearer is seen \[m\].
@@ -59,6 +62,14 @@ pub struct MountedCameraConfig {
     pub shutter_secs: f64,
     /// Control periods from an image to its arrival.
     pub latency_periods: u64,
+    /// Each episode has a focal length, drawn from one plus or minus this of what the angle of view says.
+    pub focal_fraction: f64,
+    /// Each episode has a mounting that is turned about each axis of the body by up to so much.
+    pub mounting_error_deg: f64,
+    /// Images that the policy gets at once, side by side in each pixel: the last ones, the newest first.
+    pub frames: u64,
+    /// How many images lie from one of them to the next.
+    pub images_per_frame: u64,
 }
 
 /// The reference's camera.
@@ -79,7 +90,9 @@ pub struct ReferenceCameraConfig {
 pub enum ChannelConfig {
     /// Red, green, blue: 3 bytes.
     Rgb,
-    /// The same and 255: 4 bytes.
+    /// Their luma, what a camera without colours sees: 1 byte.
+    Grey,
+    /// Red, green, blue and 255: 4 bytes.
     Rgba,
     /// Depth along the optical axis, 255 at `depth_limit_m`: 1 byte.
     Depth,
@@ -104,6 +117,10 @@ impl Default for MountedCameraConfig {
             exposure_fraction: 0.0,
             shutter_secs: 0.0,
             latency_periods: 0,
+            focal_fraction: 0.0,
+            mounting_error_deg: 0.0,
+            frames: 1,
+            images_per_frame: 1,
         }
     }
 }
@@ -150,6 +167,8 @@ impl MountedCameraConfig {
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
             control_periods_per_image: periods(self.control_periods_per_image, field)?,
             optics: self.optics(field)?,
+            frames: field.at("frames").whole(self.frames, 1..=FRAMES_LIMIT)? as u32,
+            images_per_frame: field.at("images_per_frame").whole(self.images_per_frame, 1..=PERIODS_LIMIT)? as u32,
         })
     }
 
@@ -160,6 +179,11 @@ impl MountedCameraConfig {
             exposure: number("exposure_fraction", self.exposure_fraction, Limits::from(0.0, 0.9, ""))?,
             shutter_secs: field.at("shutter_secs").real(self.shutter_secs, &Limits::from(0.0, 0.1, "s"))?,
             latency_periods: field.at("latency_periods").whole(self.latency_periods, 0..=PERIODS_LIMIT)? as u32,
+            focal: field.at("focal_fraction").real(self.focal_fraction, &Limits::from(0.0, 0.5, ""))?,
+            turn: field
+                .at("mounting_error_deg")
+                .real(self.mounting_error_deg, &Limits::from(0.0, 45.0, "degrees"))?
+                .to_radians(),
         })
     }
 }
@@ -172,6 +196,8 @@ impl ReferenceCameraConfig {
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
             control_periods_per_image: periods(self.control_periods_per_image, field)?,
             optics: Optics::default(),
+            frames: 1,
+            images_per_frame: 1,
         })
     }
 }
@@ -191,6 +217,7 @@ impl ChannelConfig {
         }
         let channel = |channel: &Self| match channel {
             Self::Rgb => Channel::Rgb,
+            Self::Grey => Channel::Grey,
             Self::Rgba => Channel::Rgba,
             Self::Depth => Channel::Depth { limit_m },
             Self::DepthBuffer => Channel::DepthBuffer,

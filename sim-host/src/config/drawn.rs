@@ -323,7 +323,7 @@ impl ModelConfig {
     }
 }
 
-/// The parts of a piece, which look as they are: no camera sees drawn worlds.
+/// The parts of a piece, which look as they are: cameras see their bodies, not their meshes.
 fn parts(piece: &FurnitureConfig, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
     let parts = piece.parts(field)?.into_iter();
     Ok(parts.map(|part| Solid { visual: None, ..part }).collect())
@@ -353,9 +353,6 @@ impl ScenarioConfig {
             && self.sensors.iter().any(|sensor| matches!(sensor, SensorConfig::Scan(_)))
         {
             return one("sensors", "a `scan` among people", "`tof`, which sees them: beams see what never moves");
-        }
-        if self.camera.is_some() {
-            return one("camera", "a camera beside `aviary.drawn`", "beams (`scan`): images are of one world");
         }
         self.check_goals_in_drawn(drawn, &field.at("goals"))?;
         match self.success {

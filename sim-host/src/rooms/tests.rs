@@ -458,8 +458,6 @@ fn what_has_no_meaning_in_drawn_worlds_is_refused() {
     let refused = |from: &str, to: &str| checked(&ROOMS.replace(from, to)).unwrap_err();
     let found = refused("episode_secs: 1", "goals: { per_agent: { points_m: [[6, 0, 1]] } }");
     assert!(found.contains("goals: found goals beside `aviary.drawn`, expected none"), "{found}");
-    let found = refused("episode_secs: 1", "camera: { paper: {} }");
-    assert!(found.contains("camera: found a camera beside `aviary.drawn`, expected beams"), "{found}");
     let found =
         refused("success: ending", "success: { visit: { region: { low_m: [0, 0, 0], high_m: [1, 1, 1] } } }");
     assert!(found.contains("success: found a region beside `aviary.drawn`"), "{found}");

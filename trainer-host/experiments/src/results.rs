@@ -303,7 +303,7 @@ pub fn exported(subject: &Subject<'_>, actor: &Actor, training_steps: u64) -> Re
         let export = match actor.memory() {
             None => export(&layers, &metadata, &met.observations),
             Some(memory) => {
-                let [gates, candidate] = memory.layers(actor.front_parameters()).map(DenseLayer::from);
+                let [gates, candidate] = memory.layers(actor.memory_parameters()).map(DenseLayer::from);
                 let actor = RecurrentActor { gates, candidate, layers: &layers };
                 export_recurrent(&actor, &metadata, &met.observations)
             }
@@ -314,6 +314,7 @@ pub fn exported(subject: &Subject<'_>, actor: &Actor, training_steps: u64) -> Re
     let actor = SeeingActor {
         shape: *encoder.cnn().shape(),
         encoder_parameters: encoder.cnn_parameters(actor.front_parameters()),
+        memory: actor.memory().map(|memory| memory.layers(actor.memory_parameters()).map(DenseLayer::from)),
         layers: &layers,
         control_periods_per_image: camera.control_periods_per_image as u16,
     };

@@ -79,10 +79,12 @@ impl Teacher {
             (None, _) => Map::Ways(scenario.rewards.iter().find_map(RewardTerm::ways)?.clone()),
         };
         let pilot = ScriptedPilot::of(scenario);
-        let finds_its_way = scenario.sensors.finds_way();
-        let turning = match (&scenario.action, scenario.sensors.tof()) {
-            (ActionSpace::Velocities(space), Some(_)) => Some(space.rates.body_rates_limit[2]),
-            (ActionSpace::IntegralVelocities(space), Some(_)) => Some(space.velocities.rates.body_rates_limit[2]),
+        let looks = scenario.camera.is_some() && scenario.drawn.is_some();
+        let finds_its_way = looks || scenario.sensors.finds_way();
+        let sees_ahead_alone = looks || scenario.sensors.tof().is_some();
+        let turning = match (&scenario.action, sees_ahead_alone) {
+            (ActionSpace::Velocities(space), true) => Some(space.rates.body_rates_limit[2]),
+            (ActionSpace::IntegralVelocities(space), true) => Some(space.velocities.rates.body_rates_limit[2]),
             (
                 ActionSpace::Velocities(_)
                 | ActionSpace::IntegralVelocities(_)
@@ -92,7 +94,7 @@ impl Teacher {
                 | ActionSpace::ThrustBodyRates(_)
                 | ActionSpace::RateLoop(_)
                 | ActionSpace::Reference(_),
-                Some(_) | None,
+                true | false,
             ) => None,
         };
         let pilot = if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot };

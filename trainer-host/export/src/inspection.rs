@@ -5,7 +5,7 @@ use core::fmt;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::encoder::{EncoderShape, EncoderStage};
 use kestrel_core::policy_file::{
-    Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMetadata, VisionPolicy,
+    Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMetadata, VisionMemory, VisionPolicy,
 };
 
 use serde::Serialize;
@@ -37,9 +37,8 @@ impl<'a> Inspection<'a> {
                 (shapes, products, policy.parameter_bytes())
             }
             Policy::Seeing(policy) => {
-                let shapes: Vec<_> = policy.shapes().collect();
-                let products = products(&shapes);
-                (shapes, products, policy.parameter_bytes() + policy.encoder_bytes())
+                let bytes = policy.parameter_bytes() + policy.encoder_bytes();
+                (policy.shapes().collect(), policy.multiply_accumulates(), bytes)
             }
             Policy::Recurrent(policy) => {
                 (policy.shapes().collect(), policy.multiply_accumulates(), policy.parameter_bytes())
@@ -98,7 +97,13 @@ impl fmt::Display for Inspection<'_> {
             }
             Policy::Seeing(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
-                write_network(f, &shapes, policy.parameter_bytes(), policy.arithmetic())?;
+                let memory = policy.memory();
+                let bytes = policy.parameter_bytes() - memory.map_or(0, VisionMemory::bytes);
+                write_network(f, &shapes, bytes, policy.arithmetic())?;
+                if let Some(memory) = memory {
+                    let cost = (memory.multiply_accumulates(), memory.bytes());
+                    write_memory(f, memory.units(), cost, policy.arithmetic())?;
+                }
                 write_eye(f, policy)
             }
             Policy::Recurrent(policy) => {
@@ -106,9 +111,8 @@ impl fmt::Display for Inspection<'_> {
                 let products = policy.multiply_accumulates() - products(&shapes);
                 let network = policy.network().parameter_bytes();
                 write_network(f, &shapes, network, policy.arithmetic())?;
-                write!(f, "\n  memory of {} units: {products} multiply-accumulates per step", policy.units())?;
-                writeln!(f, ", {} bytes of weights", policy.parameter_bytes() - network)?;
-                write!(f, "    {}", Cycles::of_network(products, policy.arithmetic()))
+                let cost = (products, policy.parameter_bytes() - network);
+                write_memory(f, policy.units(), cost, policy.arithmetic())
             }
         }
     }
@@ -154,6 +158,20 @@ fn write_network(
     write!(f, "    {}", Cycles::of_network(products, arithmetic))
 }
 
+/// Of so many multiply-accumulates per step and bytes of weights.
+fn write_memory(
+    f: &mut fmt::Formatter<'_>,
+    units: usize,
+    (products, bytes): (usize, usize),
+    arithmetic: Arithmetic,
+) -> fmt::Result {
+    writeln!(
+        f,
+        "\n  memory of {units} units: {products} multiply-accumulates per step, {bytes} bytes of weights"
+    )?;
+    write!(f, "    {}", Cycles::of_network(products, arithmetic))
+}
+
 /// Multiply-accumulates of dense layers, each of so many inputs and outputs.
 fn products(shapes: &[(usize, usize)]) -> usize {
     shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum()
@@ -188,7 +206,7 @@ mod tests {
     use kestrel_sim::seed::{Purpose, Seed, Stream};
 
     use super::*;
-    use crate::seeing::tests::exported;
+    use crate::seeing::tests::{exported, remembering};
     use crate::tests::METADATA;
     use crate::{DenseLayer, export};
     use kestrel_learn::network::Mlp;
@@ -228,6 +246,22 @@ mod tests {
     3 x 3 / 2 -> 4 x 6 x 16
     4 x 6 / 1 -> 1 x 1 x 64"
         );
+    }
+
+    #[test]
+    fn an_eye_may_have_a_memory_behind_it() {
+        let file = remembering(4).fixed_policy;
+        let text = Inspection::of(&file).unwrap().to_string();
+        let (_, network) = text.split_once("  network ").unwrap();
+        assert_eq!(
+            network.lines().take(5).collect::<Vec<_>>().join("\n"),
+            "102-32-4: 3392 multiply-accumulates per step, 6928 bytes of weights
+    estimated 8.1 to 10.2 thousand cycles of a Cortex-M4F, 0.05 to 0.06 ms at 168 MHz
+  memory of 16 units: 4896 multiply-accumulates per step, 9984 bytes of weights
+    estimated 11.8 to 14.7 thousand cycles of a Cortex-M4F, 0.07 to 0.09 ms at 168 MHz
+  eye of 24 x 32 x 1 bytes every 1 control periods, 64 features"
+        );
+        assert_eq!(Inspection::of(&file).unwrap().summary().multiply_accumulates, 3392 + 4896);
     }
 
     #[test]

@@ -5,8 +5,8 @@ mod report;
 use kestrel_core::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT};
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::policy_file::{
-    EncoderDraft, EncoderWorkspace, ParameterFormat, PolicyDraft, PolicyEncoder, PolicyError, PolicyMetadata,
-    PolicyScratch, VisionDraft, VisionPolicy,
+    EncoderDraft, EncoderWorkspace, MemoryDraft, ParameterFormat, PolicyDraft, PolicyEncoder, PolicyError,
+    PolicyMetadata, PolicyScratch, VisionDraft, VisionPolicy,
 };
 
 pub use report::{EyeReport, SeeingReport, StageReport};
@@ -27,13 +27,15 @@ pub struct SeeingActor<'a> {
     /// Of the eye: for each convolution the weights `[filters][kernel row][kernel column][channel]`, then the biases
     /// `[filters]`; of the dense layer `[features][flattened]` and `[features]`.
     pub encoder_parameters: &'a [f32],
-    /// Tangents between them; the first reads the observation, then the features.
+    /// Gates and candidate of a memory, if there is one; both read the observation, then the features, then the hidden state.
+    pub memory: Option<[DenseLayer<'a>; 2]>,
+    /// Tangents between them; the first reads the observation, then the features, then the hidden state.
     pub layers: &'a [DenseLayer<'a>],
     /// Control periods from one image to the next.
     pub control_periods_per_image: u16,
 }
 
-/// What the actor saw on flights, by which number formats are chosen.
+/// What the actor saw on flights, by which number formats are chosen; one flight for who remembers.
 #[derive(Clone, Copy, Debug)]
 pub struct SeeingCalibration<'a> {
     /// `[n][observation]`, without features.
@@ -78,6 +80,7 @@ pub fn export_seeing(
                 control_periods_per_image: actor.control_periods_per_image,
                 golden_images: &images,
             },
+            memory: memory_draft(actor, parameters)?,
         })
     };
     let float_policy = write(ParameterFormat::Float32, EncoderFormat::default())?;
@@ -86,6 +89,21 @@ pub fn export_seeing(
     let fixed_policy = write(ParameterFormat::Fixed16(format), eye_format)?;
     let report = report::measured(actor, (&float_policy, &fixed_policy), &eye_format, calibration)?;
     Ok(SeeingExport { float_policy, fixed_policy, report })
+}
+
+/// The memory beside a network in this format.
+fn memory_draft<'a>(
+    actor: &SeeingActor<'a>,
+    parameters: ParameterFormat,
+) -> Result<Option<MemoryDraft<'a>>, PolicyError> {
+    let Some([gates, candidate]) = actor.memory else { return Ok(None) };
+    let memory = MemoryDraft { gates, candidate, weight_fraction_bits: [0; 2] };
+    Ok(Some(match parameters {
+        ParameterFormat::Float32 => memory,
+        ParameterFormat::Fixed16(format) => {
+            MemoryDraft { weight_fraction_bits: memory.finest_bits(format)?, ..memory }
+        }
+    }))
 }
 
 /// How many observations with an image there are.

@@ -44,6 +44,8 @@ pub enum Front {
     Encoder(Encoder),
     /// What remembers.
     Memory(Gru),
+    /// What looks at images, without a trunk, and what remembers the observation with what that makes of it.
+    EncoderMemory(Encoder, Gru),
 }
 
 impl Front {
@@ -53,21 +55,34 @@ impl Front {
             Self::Nothing => 0,
             Self::Encoder(encoder) => encoder.outputs(),
             Self::Memory(memory) => memory.units(),
+            Self::EncoderMemory(encoder, memory) => encoder.outputs() + memory.units(),
+        }
+    }
+
+    fn encoder(&self) -> Option<&Encoder> {
+        match self {
+            Self::Encoder(encoder) | Self::EncoderMemory(encoder, _) => Some(encoder),
+            Self::Nothing | Self::Memory(_) => None,
+        }
+    }
+
+    fn memory(&self) -> Option<&Gru> {
+        match self {
+            Self::Memory(memory) | Self::EncoderMemory(_, memory) => Some(memory),
+            Self::Nothing | Self::Encoder(_) => None,
         }
     }
 
     fn initialise(&self, stream: &mut Stream) -> Vec<f32> {
-        match self {
-            Self::Nothing => Vec::new(),
-            Self::Encoder(encoder) => encoder.initialise(stream),
-            Self::Memory(memory) => memory.initialise(stream),
-        }
+        let mut parameters = self.encoder().map_or_else(Vec::new, |encoder| encoder.initialise(stream));
+        parameters.extend(self.memory().into_iter().flat_map(|memory| memory.initialise(stream)));
+        parameters
     }
 
     /// Inputs of a network that reads so many values, which begin with the observation, and what this makes.
     fn inputs(&self, observation_len: usize, values_len: usize) -> usize {
         match self {
-            Self::Nothing | Self::Memory(_) => values_len + self.outputs(),
+            Self::Nothing | Self::Memory(_) | Self::EncoderMemory(..) => values_len + self.outputs(),
             Self::Encoder(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
         }
     }
@@ -139,18 +154,12 @@ impl Actor {
 
     /// What looks at images in front of it.
     pub fn encoder(&self) -> Option<&Encoder> {
-        match &self.front {
-            Front::Encoder(encoder) => Some(encoder),
-            Front::Nothing | Front::Memory(_) => None,
-        }
+        self.front.encoder()
     }
 
-    /// What remembers in front of it.
+    /// What remembers in front of it, behind the encoder if there is one.
     pub fn memory(&self) -> Option<&Gru> {
-        match &self.front {
-            Front::Memory(memory) => Some(memory),
-            Front::Nothing | Front::Encoder(_) => None,
-        }
+        self.front.memory()
     }
 
     /// Values of the hidden state of [`Self::memory`]; none without.
@@ -158,9 +167,14 @@ impl Actor {
         self.memory().map_or(0, Gru::units)
     }
 
-    /// Parameters of what stands in front of the network.
+    /// Parameters of what stands in front of the network: the encoder's, then the memory's.
     pub fn front_parameters(&self) -> &[f32] {
         self.network_ref().front_parameters()
+    }
+
+    /// Those of them that are the memory's.
+    pub fn memory_parameters(&self) -> &[f32] {
+        self.network_ref().memory_parameters()
     }
 
     /// The layers between observation, features and mean action, first to last; an activation after all but the last.
@@ -176,7 +190,7 @@ impl Actor {
         let seen = &mut rest[mlp.outputs()..];
         let mut layers = match front {
             Front::Encoder(encoder) => encoder.trunk_layers_mut(seen),
-            Front::Nothing | Front::Memory(_) => Vec::new(),
+            Front::Nothing | Front::Memory(_) | Front::EncoderMemory(..) => Vec::new(),
         };
         layers.extend(mlp.layers_mut(network));
         layers
@@ -185,8 +199,7 @@ impl Actor {
     /// The encoder in front of it, and its parameters, to be written.
     pub(crate) fn cnn_mut(&mut self) -> Option<(&Cnn, &mut [f32])> {
         let from = self.log_std_places().end;
-        let Front::Encoder(encoder) = &self.front else { return None };
-        let encoder = encoder.cnn();
+        let encoder = self.front.encoder()?.cnn();
         Some((encoder, &mut self.parameters[from..][..encoder.parameter_count()]))
     }
 
@@ -264,7 +277,7 @@ pub struct Critic {
 impl Critic {
     /// With random orthogonal weights, and a head for each of the tasks. It reads `values_len` values: the observation,
     /// of the actor's length, then what only critics read; and what stands in front of the actor, or an encoder of its own
-    /// of the same shape. A memory is always the actor's.
+    /// of the same shape. A memory is always the actor's, and so is the encoder in front of it.
     pub fn new(
         (observation_len, values_len): (usize, usize),
         (front, sharing): (&Front, EncoderSharing),
@@ -274,7 +287,7 @@ impl Critic {
     ) -> Self {
         let own = match (front, sharing) {
             (Front::Encoder(encoder), EncoderSharing::Separate) => Some(encoder.clone()),
-            (Front::Nothing | Front::Encoder(_) | Front::Memory(_), _) => None,
+            (Front::Nothing | Front::Encoder(_) | Front::Memory(_) | Front::EncoderMemory(..), _) => None,
         };
         let mlp = Mlp::new(front.inputs(observation_len, values_len), hidden, tasks);
         let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);

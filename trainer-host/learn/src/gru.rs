@@ -189,24 +189,6 @@ impl GruWorkspace {
         self.steps[index].deltas.copy_from_slice(deltas);
     }
 
-    /// Adds the parameters' gradient of the whole window to `gradient`; `outcomes` are those of each step but the last, as
-    /// in [`Self::go_on`].
-    pub(crate) fn backward<'o>(
-        &mut self,
-        gru: &Gru,
-        parameters: &[f32],
-        outcomes: impl Fn(usize) -> &'o [Outcome],
-        gradient: &mut [f32],
-    ) {
-        self.begin_backward();
-        for index in (0..self.len).rev() {
-            self.step_back(gru, parameters, index, gradient, &mut []);
-            if index > 0 {
-                self.forget(outcomes(index - 1));
-            }
-        }
-    }
-
     /// Before [`Self::step_back`] through the last step: nothing comes after it.
     pub(crate) fn begin_backward(&mut self) {
         self.carried.fill(0.0);

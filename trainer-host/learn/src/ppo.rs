@@ -250,12 +250,12 @@ impl Loss<'_> {
         workspace: &mut SliceWorkspace,
         shard: &mut Shard,
     ) {
-        let mut outcomes: Vec<&[Outcome]> = Vec::new();
-        for slice in window {
-            self.differentiate_slice(&slice, outcomes.last().copied(), (networks, workspace), shard);
-            outcomes.push(slice.outcomes);
+        let window: Vec<MinibatchSlice<'_>> = window.collect();
+        for (step, slice) in window.iter().enumerate() {
+            let before = step.checked_sub(1).map(|before| window[before].outcomes);
+            self.differentiate_slice(slice, before, (networks, workspace), shard);
         }
-        workspace.backward_window(networks.actor, |step| outcomes[step], &mut shard.gradient);
+        workspace.backward_window(networks, &window, &mut shard.gradient);
     }
 
     /// As [`Self::differentiate`], of one slice; a memory has to wait for the whole window. `before` are the outcomes of the

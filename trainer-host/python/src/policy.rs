@@ -108,7 +108,11 @@ impl Policy {
     /// Whether it acts on what it remembers.
     #[getter]
     fn is_recurrent(&self) -> PyResult<bool> {
-        Ok(matches!(self.parsed()?, PolicyFile::Recurrent(_)))
+        Ok(match self.parsed()? {
+            PolicyFile::Recurrent(_) => true,
+            PolicyFile::Seeing(policy) => policy.units() > 0,
+            PolicyFile::Blind(_) => false,
+        })
     }
 
     /// Actions `[rows][action_len]` for `observations [rows][observation_len]`, and for
@@ -134,19 +138,17 @@ impl Policy {
         let memory = memory.as_deref_mut().map(|memory| &mut memory.rows);
         let actions = match (&policy, images) {
             (PolicyFile::Recurrent(policy), None) => {
-                let Some(memory) = memory else {
-                    return Err(expected("memory", "None", "what `Policy.memory` returned"));
-                };
-                if memory.len() != shape[0] {
-                    return Err(expected("memory", memory.len(), format_args!("{} rows", shape[0])));
-                }
+                let memory = checked_memory(memory, shape[0])?;
                 py.detach(|| Ok(act_recurrent(policy, rows, memory)))
             }
             (PolicyFile::Blind(policy), None) => py.detach(|| {
                 let mut scratch = PolicyScratch::new();
                 Ok(rows.flat_map(|row| policy.act(row, &mut scratch).into_iter().take(width)).collect())
             }),
-            (PolicyFile::Seeing(policy), Some(images)) => py.detach(|| act_seeing(policy, rows, &images)),
+            (PolicyFile::Seeing(policy), Some(images)) => {
+                let memory = if policy.units() > 0 { checked_memory(memory, shape[0])? } else { &mut [] };
+                py.detach(|| act_seeing(policy, rows, &images, memory))
+            }
             (PolicyFile::Blind(_) | PolicyFile::Recurrent(_), Some(_)) => {
                 return Err(expected("images", "some", "None: this policy sees none"));
             }
@@ -168,6 +170,15 @@ impl Policy {
     }
 }
 
+/// What so many rows remember.
+fn checked_memory(memory: Option<&mut Vec<HiddenState>>, rows: usize) -> PyResult<&mut [HiddenState]> {
+    match memory {
+        None => Err(expected("memory", "None", "what `Policy.memory` returned")),
+        Some(memory) if memory.len() != rows => Err(expected("memory", memory.len(), format_args!("{rows} rows"))),
+        Some(memory) => Ok(memory),
+    }
+}
+
 /// Takes each observation into the memory of its row, and acts.
 fn act_recurrent<'a>(
     policy: &RecurrentPolicy<'_>,
@@ -179,19 +190,28 @@ fn act_recurrent<'a>(
     actions.flat_map(|action| action.into_iter().take(policy.metadata().action.len())).collect()
 }
 
-/// Encodes each image and acts.
+/// Encodes each image, takes it with the observation into the memory of its row where the policy remembers, and acts.
 fn act_seeing<'a>(
     policy: &VisionPolicy<'_>,
     rows: impl ExactSizeIterator<Item = &'a [f32]>,
     images: &[u8],
+    hidden: &mut [HiddenState],
 ) -> Result<Vec<f32>, PolicyError> {
     let (mut memory, mut scratch) = (EncoderMemory::of(policy), PolicyScratch::new());
+    let mut hidden = hidden.iter_mut();
     let image_len = images.len() / rows.len().max(1);
     let mut actions = Vec::new();
     for (row, observation) in rows.enumerate() {
         let mut memory = memory.borrowed();
         policy.encode(&images[row * image_len..][..image_len], &mut memory)?;
+        let hidden = hidden.next();
+        if let Some(hidden) = &hidden {
+            policy.remember(hidden, &mut memory)?;
+        }
         let action = policy.act(observation, &mut memory, &mut scratch)?;
+        if let Some(hidden) = hidden {
+            *hidden = policy.hidden(&memory)?;
+        }
         actions.extend_from_slice(&action[..policy.metadata().action.len()]);
     }
     Ok(actions)

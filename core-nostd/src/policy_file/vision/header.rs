@@ -1,7 +1,8 @@
 //! The header of an encoder, which follows that of the policy.
 
 use super::super::PolicyError;
-use super::super::header::{FrontSizes, HEADER_LEN, ParameterFormat, u8_at, u16_at};
+use super::super::header::{FrontSizes, HEADER_LEN, Header, ParameterFormat, u8_at, u16_at};
+use super::super::recurrent::MemoryHeader;
 use crate::encoder::{CONVOLUTION_LIMIT, Convolution, EncoderError, EncoderShape, STAGE_LIMIT, Volume};
 
 /// Bytes of the encoder's header, which follows the header; the metadata follow.
@@ -19,6 +20,46 @@ pub(super) struct EncoderHeader {
     pub(super) control_periods_per_image: u16,
     /// Bits of each stage's activations in fixed point; zero in float and beyond the last stage.
     pub(super) code_bits: [u8; STAGE_LIMIT],
+}
+
+/// The headers of what stands in front of the network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FrontHeaders {
+    pub(super) encoder: EncoderHeader,
+    /// Behind the encoder, where something is remembered.
+    pub(super) memory: Option<MemoryHeader>,
+    /// Values that a memory takes in: the observation and the features.
+    pub(super) observation_len: usize,
+}
+
+impl FrontHeaders {
+    /// Of an observation of so many values.
+    pub(super) fn new(encoder: EncoderHeader, memory: Option<MemoryHeader>, observation_len: usize) -> Self {
+        Self { encoder, memory, observation_len: observation_len + encoder.shape.features() }
+    }
+
+    /// Reads them from a file with this header.
+    pub(super) fn parse(file: &[u8], remembers: bool, header: &Header) -> Result<Self, PolicyError> {
+        let format = header.parameters;
+        let encoder = EncoderHeader::parse(file.get(HEADER_LEN..).unwrap_or_default(), format)?;
+        let fronts = Self::new(encoder, None, header.observation_len());
+        let offset = HEADER_LEN + ENCODER_HEADER_LEN;
+        let memory = remembers.then(|| MemoryHeader::parse(file, offset, fronts.observation_len, format));
+        Ok(Self { memory: memory.transpose()?, ..fronts })
+    }
+
+    /// What both add to a file with these parameters.
+    pub(super) fn sizes(&self, parameters: ParameterFormat) -> FrontSizes {
+        let encoder = self.encoder.sizes(parameters);
+        let Some(memory) = &self.memory else { return encoder };
+        let memory = memory.sizes(self.observation_len, parameters);
+        FrontSizes {
+            header_len: encoder.header_len + memory.header_len,
+            features: encoder.features + memory.features,
+            image_len: encoder.image_len,
+            parameter_bytes: encoder.parameter_bytes + memory.parameter_bytes,
+        }
+    }
 }
 
 impl EncoderHeader {

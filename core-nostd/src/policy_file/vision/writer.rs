@@ -1,10 +1,12 @@
 //! Writing policies with an encoder, into the caller's bytes.
 
-use super::super::header::{HEADER_LEN, Header, ParameterFormat, VISION_FORMAT_VERSION};
+use super::super::header::{
+    HEADER_LEN, Header, ParameterFormat, RECURRENT_VISION_FORMAT_VERSION, VISION_FORMAT_VERSION,
+};
 use super::super::writer::{copy, seal, section};
-use super::super::{Network, PolicyDraft, PolicyError, PolicyScratch};
-use super::header::{ENCODER_HEADER_LEN, EncoderHeader};
-use super::{EncoderWorkspace, PolicyEncoder};
+use super::super::{MEMORY_HEADER_LEN, MemoryDraft, Network, PolicyDraft, PolicyError, PolicyScratch};
+use super::header::{ENCODER_HEADER_LEN, EncoderHeader, FrontHeaders};
+use super::{EncoderWorkspace, PolicyEncoder, VisionMemory};
 use crate::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT, write_fixed, write_float};
 use crate::fixed::{FixedFormat, INPUT_FRACTION_BITS_LIMIT};
 use crate::limits::WIDTH_LIMIT;
@@ -12,10 +14,13 @@ use crate::limits::WIDTH_LIMIT;
 /// What goes into the policy file of a policy with an encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct VisionDraft<'a> {
-    /// Everything behind the encoder; the first layer reads the observation, then the features.
+    /// Everything behind the encoder; the first layer reads the observation, then the features, then the hidden state, if there
+    /// is one. Golden observations follow each other in one flight.
     pub policy: PolicyDraft<'a>,
     /// What turns images into features.
     pub encoder: EncoderDraft<'a>,
+    /// What remembers, if anything does: it reads the observation, then the features.
+    pub memory: Option<MemoryDraft<'a>>,
 }
 
 /// The encoder of a draft.
@@ -39,14 +44,15 @@ impl VisionDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        self.headers().map(|(policy, encoder)| policy.sections(encoder.sizes(policy.parameters)).checksum.end)
+        self.headers().map(|(policy, fronts)| policy.sections(fronts.sizes(policy.parameters)).checksum.end)
     }
 
     /// Values of memory with which [`Self::write`] computes the golden actions.
     pub fn memory_len(&self) -> usize {
-        let inputs = self.policy.metadata.observation.len() + self.encoder.shape.features();
+        let units = self.memory.map_or(0, |memory| memory.candidate.outputs);
+        let inputs = self.policy.metadata.observation.len() + self.encoder.shape.features() + units;
         let work = self.encoder.shape.scratch_len().max(inputs.next_multiple_of(2)).max(WIDTH_LIMIT);
-        self.encoder.shape.features() + work
+        self.encoder.shape.features() + units + work
     }
 
     /// Writes the file to the start of `bytes` and returns its length; the same draft gives the same bytes. `memory`
@@ -55,12 +61,22 @@ impl VisionDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold, [`PolicyError::BufferTooSmall`] or [`PolicyError::EncoderWorkspace`].
     pub fn write(&self, bytes: &mut [u8], memory: &mut EncoderWorkspace<'_>) -> Result<usize, PolicyError> {
-        let (header, encoder_header) = self.headers()?;
-        let sizes = encoder_header.sizes(header.parameters);
-        let (file, sections) = self.policy.write_parts(&header, sizes, VISION_FORMAT_VERSION, bytes)?;
-        copy(&encoder_header.encode(), section(file, HEADER_LEN..HEADER_LEN + ENCODER_HEADER_LEN));
-        self.write_encoder(section(file, sections.front_parameters.clone()))?;
-        self.write_actions(&header, &encoder_header, file, memory)?;
+        let (header, fronts) = self.headers()?;
+        let sizes = fronts.sizes(header.parameters);
+        let version =
+            if fronts.memory.is_some() { RECURRENT_VISION_FORMAT_VERSION } else { VISION_FORMAT_VERSION };
+        let (file, sections) = self.policy.write_parts(&header, sizes, version, bytes)?;
+        let behind = HEADER_LEN + ENCODER_HEADER_LEN;
+        copy(&fronts.encoder.encode(), section(file, HEADER_LEN..behind));
+        let encoder_bytes = fronts.encoder.sizes(header.parameters).parameter_bytes;
+        let parameters = section(file, sections.front_parameters.clone());
+        let (of_encoder, of_memory) = parameters.split_at_mut_checked(encoder_bytes).unwrap_or_default();
+        self.write_encoder(of_encoder)?;
+        if let (Some(draft), Some(memory_header)) = (&self.memory, &fronts.memory) {
+            draft.write(self.policy.parameters, of_memory)?;
+            copy(&memory_header.encode(), section(file, behind..behind + MEMORY_HEADER_LEN));
+        }
+        self.write_actions(&header, &fronts, file, memory)?;
         Ok(seal(file))
     }
 
@@ -68,29 +84,41 @@ impl VisionDraft<'_> {
     fn write_actions(
         &self,
         header: &Header,
-        encoder_header: &EncoderHeader,
+        fronts: &FrontHeaders,
         file: &mut [u8],
         memory: &mut EncoderWorkspace<'_>,
     ) -> Result<(), PolicyError> {
-        let sizes = encoder_header.sizes(header.parameters);
+        let (format, features) = (header.parameters, fronts.encoder.shape.features());
+        let sizes = fronts.sizes(format);
         let sections = header.sections(sizes);
         let (front, rest) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
         let (parameters, rest) = rest.split_at_checked(sections.parameters.len()).unwrap_or_default();
-        let encoder_parameters = rest.get(..sections.front_parameters.len()).unwrap_or_default();
+        let front_parameters = rest.get(..sections.front_parameters.len()).unwrap_or_default();
+        let (of_encoder, of_memory) =
+            front_parameters.split_at_checked(fronts.encoder.sizes(format).parameter_bytes).unwrap_or_default();
         let network = Network::from_parameters(header, sizes.features, parameters)?;
-        let encoder = PolicyEncoder::from_parameters(encoder_header, header.parameters, encoder_parameters)?;
-        memory.check(encoder.memory_len(&network), encoder.arithmetic())?;
+        let encoder = PolicyEncoder::from_parameters(&fronts.encoder, format, of_encoder)?;
+        let remembering = fronts
+            .memory
+            .map(|memory| VisionMemory::from_parameters(format, fronts.observation_len, &memory, of_memory))
+            .transpose()?;
+        let units = remembering.as_ref().map_or(0, VisionMemory::units);
+        memory.check(encoder.memory_len(units, &network), encoder.arithmetic())?;
+        memory.clear();
         let mut scratch = PolicyScratch::new();
         let act = |observation: &[f32], image: &[u8]| {
-            encoder.encode(image, memory)?;
-            Ok(network.act_on_features(observation, sizes.features, memory, &mut scratch))
+            encoder.encode(image, units, memory)?;
+            Ok(network.act_on_features(observation, (features, remembering.as_ref()), memory, &mut scratch))
         };
         let golden = section(front, sections.golden.clone());
         self.policy.write_golden(header, self.encoder.golden_images, golden, act)
     }
 
-    fn headers(&self) -> Result<(Header, EncoderHeader), PolicyError> {
-        let policy = self.policy.header(self.encoder.shape.features())?;
+    fn headers(&self) -> Result<(Header, FrontHeaders), PolicyError> {
+        let (features, observation_len) = (self.encoder.shape.features(), self.policy.metadata.observation.len());
+        let header = |memory: MemoryDraft<'_>| memory.header(observation_len + features, self.policy.parameters);
+        let memory = self.memory.map(header).transpose()?;
+        let policy = self.policy.header(features + memory.map_or(0, |memory| memory.units))?;
         let (found, image) = (self.encoder.golden_images.len(), self.encoder.shape.image().len());
         let expected = policy.golden_vectors * image;
         if found != expected {
@@ -107,7 +135,8 @@ impl VisionDraft<'_> {
             }
         };
         let (shape, control_periods_per_image) = (self.encoder.shape, self.encoder.control_periods_per_image);
-        Ok((policy, EncoderHeader { shape, control_periods_per_image, code_bits }))
+        let encoder = EncoderHeader { shape, control_periods_per_image, code_bits };
+        Ok((policy, FrontHeaders::new(encoder, memory, observation_len)))
     }
 
     fn check_feature_step(&self, format: FixedFormat) -> Result<(), EncoderError> {

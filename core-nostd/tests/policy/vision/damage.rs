@@ -51,10 +51,10 @@ fn every_cut_is_a_truncation() {
 #[test]
 fn versions_are_told_apart() {
     for bytes in files() {
-        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 3 });
+        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 4 });
         assert_eq!(forged(&bytes, 8, 1), PolicyError::StateBased);
         assert_eq!(forged(&bytes, 8, 3), PolicyError::Recurrent);
-        assert_eq!(forged(&bytes, 8, 4), PolicyError::NewerVersion { found: 4, newest: 3 });
+        assert_eq!(forged(&bytes, 8, 5), PolicyError::NewerVersion { found: 5, newest: 4 });
     }
 }
 

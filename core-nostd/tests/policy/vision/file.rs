@@ -129,7 +129,7 @@ fn the_format_has_not_moved() {
         let format = EncoderFormat::calibrated(&model.shape, &parameters, &[1.0; 5], bits).unwrap();
         let encoder =
             EncoderDraft { parameters: &parameters, format, golden_images: &golden_images, ..draft.encoder };
-        let draft = VisionDraft { policy, encoder };
+        let draft = VisionDraft { policy, encoder, memory: None };
         let mut bytes = vec![0; draft.file_len().unwrap()];
         with_memory(draft.memory_len(), true, |mut memory| draft.write(&mut bytes, &mut memory)).unwrap();
         assert_eq!((bytes.len(), crc32(&bytes[..bytes.len() - 4])), (1_008, 0xBFDE_0B5E));

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::support::{VisionModel, images, with_memory};
 use crate::support::PILOT;
 
-fn hovering() -> State<f32> {
+pub(crate) fn hovering() -> State<f32> {
     State {
         position: Vector3::new(0.1, -0.2, 0.9),
         world_from_body: Attitude::level(),

@@ -4,7 +4,9 @@ use kestrel_core::encoder::{Convolution, Encoder, EncoderFormat, EncoderShape, S
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::PILOT_LEN;
-use kestrel_core::policy_file::{EncoderDraft, EncoderWorkspace, ParameterFormat, PolicyDraft, VisionDraft};
+use kestrel_core::policy_file::{
+    EncoderDraft, EncoderWorkspace, MemoryDraft, ParameterFormat, PolicyDraft, VisionDraft,
+};
 
 use crate::support::{Model, Random, golden, metadata, rotor_speeds};
 
@@ -16,6 +18,8 @@ pub(crate) struct VisionModel {
     pub(crate) shape: EncoderShape,
     pub(crate) parameters: Vec<f32>,
     pub(crate) model: Model,
+    /// Gates and candidate of a memory.
+    pub(crate) memory: Option<[Model; 2]>,
     golden: Vec<f32>,
     golden_images: Vec<u8>,
 }
@@ -32,7 +36,14 @@ impl VisionModel {
         }
         let model = Model::random(seed, &[PILOT_LEN + usize::from(features), 16, 4], 1.0);
         let golden_images = images(&shape, seed, VECTORS);
-        Self { shape, parameters, model, golden: golden(), golden_images }
+        Self { shape, parameters, model, memory: None, golden: golden(), golden_images }
+    }
+
+    /// The same encoder, a memory of so many units behind it, and another network.
+    pub(crate) fn remembering(self, units: usize, hidden: usize) -> Self {
+        let inputs = PILOT_LEN + self.shape.features() + units;
+        let memory = [Model::random(31, &[inputs, 2 * units], 1.5), Model::random(32, &[inputs, units], 1.5)];
+        Self { model: Model::random(33, &[inputs, hidden, 4], 1.0), memory: Some(memory), ..self }
     }
 
     /// So small that every bit of its file can be tried.
@@ -85,6 +96,12 @@ impl VisionModel {
     pub(crate) fn with_draft<T>(&self, fixed: bool, change: impl Fn(VisionDraft<'_>) -> T) -> T {
         let layers: Vec<DenseLayer<'_>> = self.model.layers();
         let fixed_format = FixedFormat::finest(&layers, 8.0).expect("test weights are small");
+        let memory = self.memory.as_ref().map(|[gates, candidate]| {
+            let (gates, candidate) = (gates.layers()[0], candidate.layers()[0]);
+            let memory = MemoryDraft { gates, candidate, weight_fraction_bits: [0; 2] };
+            let weight_fraction_bits = memory.finest_bits(fixed_format).expect("test weights are small");
+            MemoryDraft { weight_fraction_bits, ..memory }
+        });
         let bits = fixed_format.input_fraction_bits;
         let format = EncoderFormat::calibrated(&self.shape, &self.parameters, &self.largest(), bits);
         change(VisionDraft {
@@ -101,6 +118,7 @@ impl VisionModel {
                 control_periods_per_image: 4,
                 golden_images: &self.golden_images,
             },
+            memory,
         })
     }
 

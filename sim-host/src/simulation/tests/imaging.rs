@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::camera::{OnboardCamera, Optics, Scene};
+use crate::rooms::tests::ROOMS;
 
 const WITH_CAMERA: &str = "\
 aviary:
@@ -21,7 +22,8 @@ fn shown(simulation: &Simulation<8>, row: usize) -> Vec<u8> {
     let scenario = simulation.scenario();
     let camera: &OnboardCamera = scenario.camera.as_ref().unwrap();
     let (agent, lane) = simulation.agent(row);
-    let image = Scene::new(&scenario.aviary.world).render(&camera.camera, &camera.view(&agent.motion(lane).pose));
+    let image = Scene::new(&scenario.aviary_of(agent.room(lane)).world)
+        .render(&camera.camera, &camera.view(&agent.motion(lane).pose));
     let mut bytes = vec![0; camera.image_len()];
     camera.write(&image, &mut bytes);
     bytes
@@ -86,7 +88,8 @@ fn images_do_not_depend_on_lanes_or_division_and_go_on_after_a_restore() {
 fn real(latency_periods: u32) -> Scenario {
     let mut scenario = scenario(WITH_CAMERA);
     if let Some(camera) = &mut scenario.camera {
-        camera.optics = Optics { noise: 6.0, exposure: 0.3, shutter_secs: 0.02, latency_periods };
+        camera.optics =
+            Optics { noise: 6.0, exposure: 0.3, shutter_secs: 0.02, latency_periods, focal: 0.05, turn: 0.03 };
     }
     scenario
 }
@@ -126,6 +129,13 @@ fn real_cameras_differ_from_episode_to_episode_but_not_in_depth() {
     let [perfect, spoiled] =
         [&perfect, &real].map(|scenario| Simulation::<8>::new(scenario, Seed(7), 0, 40).images().to_vec());
     let pixels = || perfect.chunks_exact(4).zip(spoiled.chunks_exact(4));
+    assert!(pixels().any(|(one, other)| one[3] != other[3]), "another focal length, another way of looking");
+    let mut straight = real;
+    if let Some(camera) = &mut straight.camera {
+        camera.optics = Optics { focal: 0.0, turn: 0.0, ..camera.optics };
+    }
+    let spoiled = Simulation::<8>::new(&straight, Seed(7), 0, 40).images().to_vec();
+    let pixels = || perfect.chunks_exact(4).zip(spoiled.chunks_exact(4));
     assert!(pixels().all(|(one, other)| one[3] == other[3]), "depth is perfect");
     let brightness = |bytes: &[u8]| bytes.iter().map(|value| f64::from(*value)).sum::<f64>();
     let ratios: Vec<f64> = (perfect.chunks_exact(768).zip(spoiled.chunks_exact(768)))
@@ -133,6 +143,68 @@ fn real_cameras_differ_from_episode_to_episode_but_not_in_depth() {
         .collect();
     let [least, most] = [f64::min, f64::max].map(|pick| ratios.iter().copied().reduce(pick).unwrap());
     assert!(least < 0.85 && most > 1.0, "{least} to {most}");
+}
+
+#[test]
+fn in_drawn_rooms_cameras_see_the_room_of_the_episode() {
+    let camera = "camera: { mounted: { columns: 16, rows: 12, channels: [labels] } }\nepisode_secs: 0.2";
+    let scenario = crate::rooms::tests::checked(&ROOMS.replace("episode_secs: 1", camera)).unwrap();
+    let mut whole = Simulation::<8>::new(&scenario, Seed(4), 0, 9);
+    let mut part = Simulation::<1>::new(&scenario, Seed(4), 6, 3);
+    let mut rooms = std::collections::BTreeSet::new();
+    for step in 0..40 {
+        for row in 0..9 {
+            assert_eq!(image_of(whole.images(), 9, row), shown(&whole, row), "row {row} after {step} steps");
+            rooms.insert((row, whole.room(row)));
+        }
+        let len = whole.images().len() / 9;
+        assert!(whole.images()[6 * len..] == *part.images(), "after {step} steps");
+        let actions = noise(step, 4 * 9);
+        whole.step(&actions);
+        part.step(&actions.chunks_exact(9).flat_map(|column| column[6..].to_vec()).collect::<Vec<f32>>());
+        if step == 21 {
+            let saved = whole.save();
+            whole = Simulation::new(&scenario, Seed(4), 0, 9);
+            assert!(whole.restore(&saved));
+        }
+    }
+    assert!(rooms.len() > 20, "{} rooms of nine drones", rooms.len());
+}
+
+#[test]
+fn frames_are_images_of_before_and_at_first_all_the_first() {
+    let mut scenario = scenario(WITH_CAMERA);
+    if let Some(camera) = &mut scenario.camera {
+        (camera.frames, camera.images_per_frame, camera.control_periods_per_image) = (3, 2, 1);
+    }
+    let mut single = scenario.clone();
+    if let Some(camera) = &mut single.camera {
+        camera.frames = 1;
+    }
+    let mut simulations = [&scenario, &single].map(|scenario| Simulation::<8>::new(scenario, Seed(8), 0, 5));
+    let mut shown: Vec<Vec<u8>> = Vec::new();
+    for step in 0..40 {
+        let [stacked, single] = &simulations;
+        shown.push(single.images().to_vec());
+        for row in 0..5 {
+            let (agent, lane) = stacked.agent(row);
+            let frame = |frame: u32| {
+                let ago = (2 * frame).min(agent.period(lane)) as usize;
+                image_of(&shown[shown.len() - 1 - ago], 5, row)
+            };
+            let frames = [frame(0), frame(1), frame(2)];
+            let pixels = (0..16 * 12).flat_map(|pixel| frames.map(|bytes| &bytes[4 * pixel..][..4]).concat());
+            assert!(pixels.eq(image_of(stacked.images(), 5, row).iter().copied()), "row {row}, step {step}");
+        }
+        for simulation in &mut simulations {
+            simulation.step(&noise(step, ACTION_LEN * 5));
+        }
+        if step % 7 == 3 {
+            let saved = simulations[0].save();
+            simulations[0] = Simulation::new(&scenario, Seed(8), 0, 5);
+            assert!(simulations[0].restore(&saved));
+        }
+    }
 }
 
 #[test]

@@ -120,6 +120,11 @@ impl<'a, R: Real> Cockpit<'a, R> {
                         memory.clear();
                     }
                 }
+                for (onlooker, outcome) in self.onlookers.iter_mut().zip(simulation.outcomes()) {
+                    if *outcome != Outcome::Running {
+                        onlooker.forget();
+                    }
+                }
                 self.act_one_by_one(policy, simulation.images());
             }
             Flyer::Nothing => {}
@@ -259,7 +264,7 @@ fn is_blocked(arena: &Arena, from: &Vector3<f32>, goal: &Vector3<f32>) -> bool {
     limit > 0.0 && arena.raycast(from.cast(), line.normalize().cast(), limit.into()).is_some()
 }
 
-/// What a policy with an eye keeps of the last image of one drone.
+/// What a policy with an eye keeps of the last image of one drone, and what it remembers of its flight.
 #[derive(Clone, Debug)]
 struct Onlooker {
     memory: Memory,
@@ -269,6 +274,12 @@ struct Onlooker {
 impl Onlooker {
     fn of(policy: &VisionPolicy<'_>) -> Self {
         Self { memory: Memory::of(policy), image: Vec::new() }
+    }
+
+    /// Begins another flight.
+    fn forget(&mut self) {
+        self.memory.borrowed().clear();
+        self.image.clear();
     }
 
     /// Looks at the image if it is another one, and acts.

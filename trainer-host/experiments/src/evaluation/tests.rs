@@ -11,7 +11,8 @@ use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_core::reference::controller::command::Precision;
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, export_seeing};
 use kestrel_export::{DenseLayer, export};
-use kestrel_learn::ppo::{EncoderKind, EncoderSettings, EncoderSharing, PpoSettings};
+use kestrel_learn::ppo::{EncoderKind, EncoderSettings, EncoderSharing, MemorySettings, PpoSettings};
+use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_sim::camera::{Camera, Channel, Mount, OnboardCamera, Optics};
 use kestrel_sim::scenario::{Agents, Goals, StartPosition, TeamEnd, TeamRewards, TeamSuccess};
 use kestrel_sim::seed::Stream;
@@ -126,15 +127,25 @@ fn with_camera(mut scenario: Scenario) -> Scenario {
         camera: Camera { columns: 12, rows: 10, sample: [0.5; 2], ..Camera::REFERENCE },
         mount: Mount::Body { position: Vector3::zeros(), pitch: 0.0 },
         channels: vec![Channel::Rgb, Channel::Depth { limit_m: 4.0 }],
+        frames: 1,
+        images_per_frame: 1,
         control_periods_per_image: 2,
-        optics: Optics { noise: 4.0, exposure: 0.2, shutter_secs: 0.01, latency_periods: 1 },
+        optics: Optics {
+            noise: 4.0,
+            exposure: 0.2,
+            shutter_secs: 0.01,
+            latency_periods: 1,
+            focal: 0.03,
+            turn: 0.02,
+        },
     });
     scenario
 }
 
-/// An actor whose actions depend much on what it sees.
+/// An actor whose actions depend much on what it sees; one that remembers has no trunk.
 fn attentive(scenario: &Scenario, settings: PpoSettings) -> Actor {
-    let encoder = EncoderSettings { kind: EncoderKind::Small, sharing: EncoderSharing::Shared, trunk: vec![16] };
+    let trunk = if settings.memory.is_some() { Vec::new() } else { vec![16] };
+    let encoder = EncoderSettings { kind: EncoderKind::Small, sharing: EncoderSharing::Shared, trunk };
     let trainer = Trainer::new(std::slice::from_ref(scenario), &PpoSettings { encoder, ..settings }, Seed(23));
     let mut actor = trainer.actor().clone();
     let mut stream = Stream::new(Seed(24), 0, Purpose::Weights);
@@ -145,7 +156,19 @@ fn attentive(scenario: &Scenario, settings: PpoSettings) -> Actor {
 
 #[test]
 fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
-    let (hover, settings) = hover();
+    let (_, settings) = hover();
+    flies_as_the_actor_does(settings);
+}
+
+#[test]
+fn an_exported_policy_remembers_what_it_saw_and_forgets_it_with_the_episode() {
+    let (_, settings) = hover();
+    let memory = Some(MemorySettings { units: 16, steps_per_window: 16 });
+    flies_as_the_actor_does(PpoSettings { memory, minibatch: 16 * ENV_BATCH, steps_per_rollout: 16, ..settings });
+}
+
+fn flies_as_the_actor_does(settings: PpoSettings) {
+    let (hover, _) = hover();
     let scenario = with_camera(hover);
     let actor = attentive(&scenario, settings);
     let met = sightings_in_flight(&scenario, &actor, starts(6));
@@ -155,6 +178,7 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let seeing_actor = SeeingActor {
         shape: *encoder.cnn().shape(),
         encoder_parameters: encoder.cnn_parameters(actor.front_parameters()),
+        memory: actor.memory().map(|memory| memory.layers(actor.memory_parameters()).map(DenseLayer::from)),
         layers: &layers,
         control_periods_per_image: 2,
     };
@@ -168,7 +192,8 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let errors = [&policies[0], &policies[1]].map(|policy| (flown(Flyer::Policy(policy)) - trained).abs());
     let mut blindfolded = actor.clone();
     let eye = blindfolded.log_std_places().end;
-    blindfolded.parameters_mut()[eye..].fill(0.0);
+    let eye = eye..eye + encoder.parameter_count();
+    blindfolded.parameters_mut()[eye].fill(0.0);
     let sight = (flown(Flyer::Actor(&blindfolded)) - trained).abs();
     assert!(sight > 0.005, "the return {trained} changes by {sight} without eyes");
     assert!(errors[0] < 0.01 * sight && errors[1] < 0.2 * sight, "{errors:?} beside the {sight} of seeing");

@@ -2,20 +2,23 @@
 
 use kestrel_core::gru::UNITS_LIMIT;
 use kestrel_core::observation::OBSERVATION_LIMIT;
-use kestrel_learn::ppo::{MemorySettings, PpoSettings, fits_windows};
+use kestrel_learn::ppo::{EncoderSharing, MemorySettings, PpoSettings, fits_windows};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_sim::config::{ConfigError, Field};
 use kestrel_sim::scenario::Scenario;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::drone_environment::image_of;
+
 /// A gated recurrent unit (GRU, Cho et al. 2014) between the observation and the policy, for tasks in which what has been
-/// seen before matters: the layers of actor and critic read the observation and its hidden state. Truncated
+/// seen before matters: the layers of actor and critic read the observation and its hidden state. Beside a camera it takes in
+/// the observation and what the `eye` made of the image. Truncated
 /// backpropagation through time trains it, in PPO and, over the windows of `analytic`, through the physics.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MemoryConfig {
-    /// Values of the hidden state: a multiple of 4, at most 64, and at most 128 with the observation.
+    /// Values of the hidden state: a multiple of 4, at most 64, and at most 128 with the observation and the features of an `eye`.
     pub units: u64,
     /// Steps through which gradients of PPO go back: a divisor of `steps_per_rollout`. A minibatch is made of windows of so many
     /// steps of 32, 64, 128 or a multiple of 256 drones.
@@ -64,16 +67,49 @@ pub(super) fn refuse_unsuited_memory(
 ) -> Result<(), ConfigError> {
     let Some(memory) = ppo.memory else { return Ok(()) };
     let field = field.at("memory");
-    if task.camera.is_some() {
-        return Err(field.reject("a memory beside a camera", "none: vision policies remember nothing yet"));
-    }
+    let features = match &task.camera {
+        None => 0,
+        Some(camera) => {
+            if ppo.encoder.sharing == EncoderSharing::Separate || !ppo.encoder.trunk.is_empty() {
+                let expected = "an `eye` that actor and critic share, without a `trunk`";
+                return Err(field.reject("a memory beside another `eye`", expected));
+            }
+            // One that does not suit the images is refused elsewhere.
+            ppo.encoder.kind.cnn(image_of(camera)).map_or(0, |cnn| cnn.features())
+        }
+    };
     if ppo.quantised_from.is_some() {
         return Err(field.reject("a memory beside `quantised_from`", "one of both"));
     }
-    let (observed, units) = (task.observation.len(), memory.units);
+    let (observed, units) = (task.observation.len() + features, memory.units);
     if observed + units > OBSERVATION_LIMIT {
-        let expected = format!("at most {} beside {observed} observed values", OBSERVATION_LIMIT - observed);
+        let most = OBSERVATION_LIMIT.saturating_sub(observed);
+        let expected = format!("at most {most} beside {observed} observed values");
         return Err(field.at("units").refuse(units, expected));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::experiment_config::load;
+    use crate::golden::in_repository;
+
+    #[test]
+    fn beside_a_camera_a_memory_takes_in_what_the_eye_makes() {
+        let path = in_repository("configs/aviaries/room-1-vision.yaml");
+        let loaded = |sets: &[&str]| load(&path, &sets.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>());
+        let said = |sets: &[&str]| loaded(sets).unwrap_err().to_string();
+        assert!(loaded(&["training.memory={units: 40}"]).is_ok());
+        let large = said(&["training.memory={units: 44}"]);
+        assert!(
+            large.contains("memory.units: found 44, expected at most 42 beside 86 observed values"),
+            "{large}"
+        );
+        let refused = "found a memory beside another `eye`, expected an `eye` that actor and critic share";
+        for eye in ["training.eye.trunk=[32]", "training.eye.shared=false"] {
+            let said = said(&["training.memory={}", eye]);
+            assert!(said.contains(refused), "{said}");
+        }
+    }
 }

@@ -5,7 +5,11 @@ use kestrel_core::policy_file::Arithmetic;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::*;
-use kestrel_learn::network::Mlp;
+use kestrel_learn::actor_critic::{Actor, ActorLengths, ActorWorkspace, Front};
+use kestrel_learn::encoder::Encoder;
+use kestrel_learn::gru::Gru;
+use kestrel_learn::network::cnn::Cnn;
+use kestrel_learn::network::{InputBatch, Mlp};
 
 const METADATA: PolicyMetadata<'static> = PolicyMetadata {
     name: "look",
@@ -66,6 +70,7 @@ pub(crate) fn exported(gain: f32, samples: usize) -> Result<SeeingExport, Export
     let actor = SeeingActor {
         shape: shape(),
         encoder_parameters: &encoder_parameters,
+        memory: None,
         layers: &layers,
         control_periods_per_image: 4,
     };
@@ -126,6 +131,7 @@ fn images_that_are_missing_are_named() {
     let actor = SeeingActor {
         shape: shape(),
         encoder_parameters: &parameters,
+        memory: None,
         layers: &layers,
         control_periods_per_image: 4,
     };
@@ -135,4 +141,51 @@ fn images_that_are_missing_are_named() {
         error.to_string(),
         "found 2303 bytes of calibration images, expected 2304: one for each observation"
     );
+}
+
+/// An actor with a memory of 16 units.
+fn remembering_actor() -> Actor {
+    let (cnn, mut stream) = (Cnn::new(shape()), Stream::new(Seed(3), 0, Purpose::Weights));
+    let front = Front::EncoderMemory(Encoder::new(cnn, &[], PILOT_LEN), Gru::new(PILOT_LEN + 64, 16));
+    Actor::new(ActorLengths { observation: PILOT_LEN, action: 4 }, front, &[32], 0.0, &mut stream)
+}
+
+pub(crate) fn remembering(samples: usize) -> SeeingExport {
+    let actor = remembering_actor();
+    let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
+    let (encoder, memory) = (actor.encoder().unwrap(), actor.memory().unwrap());
+    let parts = SeeingActor {
+        shape: shape(),
+        encoder_parameters: encoder.cnn_parameters(actor.front_parameters()),
+        memory: Some(memory.layers(actor.memory_parameters()).map(DenseLayer::from)),
+        layers: &layers,
+        control_periods_per_image: 1,
+    };
+    let (observations, images) = calibration(samples);
+    export_seeing(&parts, &METADATA, SeeingCalibration { observations: &observations, images: &images }).unwrap()
+}
+
+#[test]
+fn both_files_remember_what_the_actor_saw() {
+    let actor = remembering_actor();
+    let SeeingExport { float_policy, fixed_policy, report } = remembering(40);
+    let (observations, images) = calibration(40);
+    assert_eq!(report.multiply_accumulates, 102 * 48 + 102 * 32 + 32 * 4);
+    assert!(report.largest_action_error > 0.0 && report.largest_action_error < 1e-2, "{report}");
+    for (bytes, tolerance) in [(&float_policy, 5e-6), (&fixed_policy, 1e-2)] {
+        let policy = VisionPolicy::parse(bytes).unwrap();
+        let (mut workspace, mut scratch) = (Memory::of(&policy), PolicyScratch::new());
+        let (mut pass, mut hidden) = (ActorWorkspace::new(&actor, 1), vec![0.0; 16]);
+        let flight = observations.chunks_exact(PILOT_LEN).zip(images.chunks_exact(24 * 32));
+        for (values, images) in flight {
+            let mean = pass.means(&actor, InputBatch { values, images, hidden: &hidden }).to_vec();
+            hidden.copy_from_slice(pass.hidden());
+            policy.encode(images, &mut workspace.borrowed()).unwrap();
+            let action = policy.act(values, &mut workspace.borrowed(), &mut scratch).unwrap();
+            for (found, mean) in action.into_iter().zip(mean) {
+                assert!((found - mean.clamp(-1.0, 1.0)).abs() < tolerance, "{found} is not {mean}");
+            }
+        }
+        assert!(hidden.iter().any(|value| value.abs() > 0.1));
+    }
 }

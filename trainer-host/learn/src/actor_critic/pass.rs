@@ -39,7 +39,7 @@ impl EncoderWeights {
     }
 }
 
-/// One of the networks, and the encoder or the memory in front of it if it has one of its own.
+/// One of the networks, and the encoder and the memory in front of it if it has its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NetworkRef<'a> {
     pub(super) mlp: &'a Mlp,
@@ -47,13 +47,21 @@ pub(super) struct NetworkRef<'a> {
     pub(super) memory: Option<&'a Gru>,
     /// All of them.
     pub(super) parameters: &'a [f32],
-    /// Where those of the encoder or the memory begin.
+    /// Where those of the encoder begin, and behind them those of the memory.
     pub(super) front_from: usize,
 }
 
 impl<'a> NetworkRef<'a> {
     pub(super) fn front_parameters(&self) -> &'a [f32] {
         &self.parameters[self.front_from..]
+    }
+
+    pub(super) fn memory_parameters(&self) -> &'a [f32] {
+        &self.parameters[self.memory_from()..]
+    }
+
+    fn memory_from(&self) -> usize {
+        self.front_from + self.encoder.map_or(0, Encoder::parameter_count)
     }
 
     /// Values that its own encoder or memory makes.
@@ -91,11 +99,10 @@ impl ActorCriticWorkspace {
     /// As [`Self::encode`] of the next step of a window, whose hidden state is that of the step before; agents whose episode
     /// ended with that, by `outcomes [columns]`, have forgotten.
     pub(crate) fn encode_next(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>, outcomes: &[Outcome]) {
-        let network_ref = networks.actor.network_ref();
-        if let (Some(memory), Some(workspace)) = (network_ref.memory, &mut self.actor.memory) {
-            let observation = first_rows(batch.values, memory.observation_len() * outcomes.len());
-            workspace.go_on(memory, network_ref.front_parameters(), observation, outcomes);
-        }
+        let Networks { actor, critic, encoders } = networks;
+        self.actor.encode(&actor.network_ref(), encoders.actor.as_ref(), batch);
+        self.actor.go_on(&actor.network_ref(), batch, outcomes);
+        self.critic.encode(&critic.network_ref(), encoders.critic.as_ref(), batch);
     }
 
     /// The hidden state after the step that was encoded last, `[units][columns]`; empty where nothing is remembered.
@@ -112,10 +119,10 @@ impl ActorCriticWorkspace {
     pub(crate) fn predict_value(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>) -> &[f32] {
         let NetworkWorkspace { network, encoder, own_values, inputs, .. } = &mut self.critic;
         let own = last_rows(batch.values, *own_values);
-        let made = encoder
-            .as_ref()
-            .map(EncoderWorkspace::outputs)
-            .or(made(self.actor.encoder.as_ref(), self.actor.memory.as_ref()));
+        let made = match encoder {
+            Some(encoder) => [encoder.outputs(), &[]],
+            None => made(self.actor.encoder.as_ref(), self.actor.memory.as_ref()),
+        };
         forward(&networks.critic.network_ref(), (own, made), inputs, network)
     }
 
@@ -146,26 +153,30 @@ impl ActorCriticWorkspace {
                 *sum += delta;
             }
         }
-        self.actor.backward_encoder(&actor, encoders.actor.as_ref(), batch.images, actor_gradient);
-        self.critic.backward_encoder(&critic, encoders.critic.as_ref(), batch.images, critic_gradient);
-        if let Some(memory) = &mut self.actor.memory {
-            memory.keep_last_deltas(&self.actor.front_deltas);
+        if self.actor.memory.is_some() {
+            self.actor.keep_deltas();
+        } else {
+            self.actor.backward_encoder(&actor, encoders.actor.as_ref(), batch.images, actor_gradient);
         }
+        self.critic.backward_encoder(&critic, encoders.critic.as_ref(), batch.images, critic_gradient);
     }
 
-    /// Adds the gradient of the memory, if there is one, for a window of which every step went through [`Self::backward`];
-    /// `outcomes` are those of each of its steps.
+    /// Adds the gradient of the memory, if there is one, and of an encoder in front of it, for a window of which every step
+    /// went through [`Self::backward`]; `seen` and `outcomes` are those of each of its steps.
     pub(crate) fn backward_window<'o>(
         &mut self,
-        actor: &Actor,
+        networks: &Networks<'_>,
+        seen: impl Fn(usize) -> InputBatch<'o>,
         outcomes: impl Fn(usize) -> &'o [Outcome],
         actor_gradient: &mut [f32],
     ) {
-        let network_ref = actor.network_ref();
-        if let (Some(memory), Some(workspace)) = (network_ref.memory, &mut self.actor.memory) {
-            let gradient = &mut actor_gradient[network_ref.front_from..];
-            workspace.backward(memory, network_ref.front_parameters(), outcomes, gradient);
-        }
+        let Networks { actor, encoders, .. } = networks;
+        self.actor.backward_window(
+            &actor.network_ref(),
+            encoders.actor.as_ref(),
+            (seen, outcomes),
+            actor_gradient,
+        );
     }
 }
 
@@ -210,6 +221,10 @@ struct NetworkWorkspace {
     inputs: Vec<f32>,
     /// The loss gradient of what stands in front has made, `[outputs][columns]`.
     front_deltas: Vec<f32>,
+    /// Of each step of a window that of the features, `[features][columns]`, where a memory stands behind an encoder.
+    feature_deltas: Vec<Vec<f32>>,
+    /// Steps of the window that have theirs.
+    kept: usize,
 }
 
 impl NetworkWorkspace {
@@ -223,6 +238,8 @@ impl NetworkWorkspace {
             own_values: (inputs - outputs) * columns,
             inputs: vec![0.0; if outputs == 0 { 0 } else { inputs * columns }],
             front_deltas: vec![0.0; outputs * columns],
+            feature_deltas: Vec::new(),
+            kept: 0,
         }
     }
 
@@ -233,12 +250,74 @@ impl NetworkWorkspace {
         }
     }
 
-    /// Takes a slice's observations into its hidden state, if the network has a memory.
+    /// Takes a slice's observations, with what was seen, into its hidden state, if the network has a memory.
     fn begin_window(&mut self, network_ref: &NetworkRef<'_>, batch: InputBatch<'_>) {
-        if let (Some(memory), Some(workspace)) = (network_ref.memory, &mut self.memory) {
-            let columns = batch.hidden.len() / memory.units();
-            let observation = first_rows(batch.values, memory.observation_len() * columns);
-            workspace.begin(memory, network_ref.front_parameters(), observation, batch.hidden);
+        self.kept = 0;
+        let Self { encoder, memory, inputs, own_values, .. } = self;
+        if let (Some(memory), Some(workspace)) = (network_ref.memory, memory) {
+            let observation = observed(first_rows(batch.values, *own_values), encoder.as_ref(), inputs);
+            workspace.begin(memory, network_ref.memory_parameters(), observation, batch.hidden);
+        }
+    }
+
+    /// As [`Self::begin_window`] of the next step.
+    fn go_on(&mut self, network_ref: &NetworkRef<'_>, batch: InputBatch<'_>, outcomes: &[Outcome]) {
+        let Self { encoder, memory, inputs, own_values, .. } = self;
+        if let (Some(memory), Some(workspace)) = (network_ref.memory, memory) {
+            let observation = observed(first_rows(batch.values, *own_values), encoder.as_ref(), inputs);
+            workspace.go_on(memory, network_ref.memory_parameters(), observation, outcomes);
+        }
+    }
+
+    /// Keeps the loss gradients of what the last step made, until the whole window has its own.
+    fn keep_deltas(&mut self) {
+        let Self { encoder, memory, front_deltas, feature_deltas, kept, .. } = self;
+        let features = encoder.as_ref().map_or(0, |encoder| encoder.outputs().len());
+        let (of_features, of_state) = front_deltas.split_at(features);
+        if let Some(memory) = memory {
+            memory.keep_last_deltas(of_state);
+        }
+        if feature_deltas.len() == *kept {
+            feature_deltas.push(Vec::new());
+        }
+        feature_deltas[*kept].clear();
+        feature_deltas[*kept].extend_from_slice(of_features);
+        *kept += 1;
+    }
+
+    /// Adds the gradients of the memory and of the encoder in front of it. Of all steps but the last, images are looked at
+    /// once more: what an encoder leaves behind is a hundred times as large as what it makes.
+    fn backward_window<'o>(
+        &mut self,
+        network_ref: &NetworkRef<'_>,
+        weights: Option<&CnnWeights>,
+        (seen, outcomes): (impl Fn(usize) -> InputBatch<'o>, impl Fn(usize) -> &'o [Outcome]),
+        gradient: &mut [f32],
+    ) {
+        let Some(gru) = network_ref.memory else { return };
+        let mut index = self.kept;
+        while let (Some(step), Some(memory)) = (index.checked_sub(1), &mut self.memory) {
+            if index == self.kept {
+                memory.begin_backward();
+            } else {
+                memory.forget(outcomes(step));
+            }
+            let of_memory = &mut gradient[network_ref.memory_from()..];
+            memory.step_back(
+                gru,
+                network_ref.memory_parameters(),
+                step,
+                of_memory,
+                &mut self.feature_deltas[step],
+            );
+            if network_ref.encoder.is_some() {
+                if index < self.kept {
+                    self.encode(network_ref, weights, seen(step));
+                }
+                self.front_deltas[..self.feature_deltas[step].len()].copy_from_slice(&self.feature_deltas[step]);
+                self.backward_encoder(network_ref, weights, seen(step).images, gradient);
+            }
+            index = step;
         }
     }
 
@@ -270,12 +349,9 @@ impl NetworkWorkspace {
         let Self { encoder: workspace, front_deltas, .. } = self;
         if let (Some(encoder), Some(weights), Some(workspace)) = (network_ref.encoder, weights, workspace) {
             let gradient = &mut gradient[network_ref.front_from..];
-            encoder.backward(
-                (network_ref.front_parameters(), weights),
-                images,
-                (workspace, front_deltas),
-                gradient,
-            );
+            let (gradient, _) = gradient.split_at_mut(encoder.parameter_count());
+            let deltas = &front_deltas[..workspace.outputs().len()];
+            encoder.backward((network_ref.front_parameters(), weights), images, (workspace, deltas), gradient);
         }
     }
 }
@@ -283,22 +359,34 @@ impl NetworkWorkspace {
 /// Evaluates a network on its own values and on what stands in front has made, if anything does.
 fn forward<'w>(
     network_ref: &NetworkRef<'_>,
-    (own, made): (&[f32], Option<&[f32]>),
+    (own, [features, state]): (&[f32], [&[f32]; 2]),
     inputs: &'w mut [f32],
     network: &'w mut Workspace,
 ) -> &'w [f32] {
-    let Some(made) = made else {
+    if inputs.is_empty() {
         return network_ref.mlp.forward(network_ref.parameters, own, network);
-    };
+    }
     let (front, back) = inputs.split_at_mut(own.len());
     front.copy_from_slice(own);
-    back.copy_from_slice(made);
+    let (front, back) = back.split_at_mut(features.len());
+    front.copy_from_slice(features);
+    back.copy_from_slice(state);
     network_ref.mlp.forward(network_ref.parameters, inputs, network)
 }
 
-/// What stands in front of a network has made, `[outputs][columns]`.
-fn made<'w>(encoder: Option<&'w EncoderWorkspace>, memory: Option<&'w GruWorkspace>) -> Option<&'w [f32]> {
-    encoder.map(EncoderWorkspace::outputs).or(memory.map(GruWorkspace::hidden))
+/// What stands in front of a network has made: what was seen, and the hidden state, `[outputs][columns]` each.
+fn made<'w>(encoder: Option<&'w EncoderWorkspace>, memory: Option<&'w GruWorkspace>) -> [&'w [f32]; 2] {
+    [encoder.map_or(&[], EncoderWorkspace::outputs), memory.map_or(&[], GruWorkspace::hidden)]
+}
+
+/// What a memory takes in: an observation and, behind it, what was seen, written to the start of `inputs`.
+fn observed<'w>(own: &'w [f32], encoder: Option<&EncoderWorkspace>, inputs: &'w mut [f32]) -> &'w [f32] {
+    let Some(encoder) = encoder else { return own };
+    let (front, back) = inputs.split_at_mut(own.len());
+    let seen = encoder.outputs();
+    front.copy_from_slice(own);
+    back[..seen.len()].copy_from_slice(seen);
+    &inputs[..own.len() + seen.len()]
 }
 
 fn first_rows(values: &[f32], count: usize) -> &[f32] {

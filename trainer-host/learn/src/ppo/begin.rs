@@ -133,9 +133,16 @@ fn networks(shapes: &[TaskShape], settings: &PpoSettings, streams: [Stream; 2]) 
     let front = match (shapes[0].image, settings.memory) {
         (None, None) => Front::Nothing,
         (None, Some(memory)) => Front::Memory(Gru::new(observation, memory.units)),
-        (Some(image), _) => {
+        (Some(image), memory) => {
             let cnn = settings.encoder.kind.cnn(image).expect("encoders are checked where they are read");
-            Front::Encoder(Encoder::new(cnn, &settings.encoder.trunk, observation))
+            let encoder = Encoder::new(cnn, &settings.encoder.trunk, observation);
+            match memory {
+                None => Front::Encoder(encoder),
+                Some(memory) => {
+                    let gru = Gru::new(observation + encoder.outputs(), memory.units);
+                    Front::EncoderMemory(encoder, gru)
+                }
+            }
         }
     };
     let (hidden, tasks, sharing) = (&settings.critic_hidden, shapes.len(), settings.encoder.sharing);

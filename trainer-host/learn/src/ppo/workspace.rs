@@ -2,9 +2,10 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use crate::actor_critic::{Actor, ActorCriticWorkspace, Gradient, Networks};
+use crate::actor_critic::{ActorCriticWorkspace, Gradient, Networks};
 use crate::environment::Outcome;
 use crate::network::InputBatch;
+use crate::rollout::MinibatchSlice;
 
 /// One workspace for each thread: what is worked on stays in the cache of one core.
 #[derive(Debug, Default)]
@@ -85,14 +86,15 @@ impl SliceWorkspace {
         self.networks.backward(networks, batch, (&mut gradient.actor, &mut gradient.critic));
     }
 
-    /// Adds the gradient of the memory, if there is one, for the window whose slices went through [`Self::backward`];
-    /// `outcomes` are those of each of them.
-    pub(crate) fn backward_window<'o>(
+    /// Adds the gradient of the memory, if there is one, and of the encoder in front of it, for the window of these slices,
+    /// which all went through [`Self::backward`].
+    pub(crate) fn backward_window(
         &mut self,
-        actor: &Actor,
-        outcomes: impl Fn(usize) -> &'o [Outcome],
+        networks: &Networks<'_>,
+        window: &[MinibatchSlice<'_>],
         gradient: &mut Gradient,
     ) {
-        self.networks.backward_window(actor, outcomes, &mut gradient.actor);
+        let (seen, outcomes) = (|step: usize| window[step].batch, |step: usize| window[step].outcomes);
+        self.networks.backward_window(networks, seen, outcomes, &mut gradient.actor);
     }
 }

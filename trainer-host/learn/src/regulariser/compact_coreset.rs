@@ -58,7 +58,7 @@ const fn sixteen_kilobytes() -> usize {
 }
 
 const fn budget() -> Strength {
-    Strength::Budget(0.005)
+    Strength::Budget(0.01)
 }
 
 impl CompactCoresetSettings {

@@ -1,5 +1,6 @@
 //! Policies that remember.
 
+use super::vision::seeing;
 use super::*;
 use crate::actor_critic::{Actor, Critic};
 
@@ -16,10 +17,11 @@ fn differentiated(index: usize, trainer: &Trainer, (actor, critic): (&Actor, &Cr
     let networks = Networks { actor, critic, encoders: &encoders };
     let mut shard = Shard::new(actor, critic);
     let settings = PpoSettings { clip_range: 10.0, ..remembering() };
-    let sample_weight = 1.0 / (4 * ENV_BATCH) as f32;
+    let columns = trainer.columns();
+    let sample_weight = 1.0 / (4 * columns) as f32;
     let loss = Loss { settings: &settings, sample_weight, imitation_weight: 0.0 };
     let window = trainer.env_batches[0].rollout().window(index);
-    loss.differentiate(window, &networks, &mut SliceWorkspace::new(&networks, ENV_BATCH), &mut shard);
+    loss.differentiate(window, &networks, &mut SliceWorkspace::new(&networks, columns), &mut shard);
     shard
 }
 
@@ -32,7 +34,17 @@ fn loss(index: usize, trainer: &Trainer, networks: (&Actor, &Critic)) -> f64 {
 /// and episodes that end between them.
 #[test]
 fn the_gradient_goes_back_through_time() {
-    let mut trainer = Trainer::new(&[task(true)], &remembering(), Seed(21));
+    goes_back_through_time(task(true));
+}
+
+/// And through what was seen at each of them.
+#[test]
+fn the_gradient_goes_back_to_the_images_of_all_steps() {
+    goes_back_through_time(seeing());
+}
+
+fn goes_back_through_time(task: Task) {
+    let mut trainer = Trainer::new(&[task], &remembering(), Seed(21));
     trainer.update();
     trainer.collect();
     trainer.normalise_advantages();
@@ -42,14 +54,20 @@ fn the_gradient_goes_back_through_time() {
     let mut ended = 0;
     for index in 0..trainer.env_batches[0].rollout().windows() {
         let window: Vec<_> = trainer.env_batches[0].rollout().window(index).collect();
-        assert_eq!((window.len(), window[0].batch.hidden.len()), (4, 8 * ENV_BATCH));
+        assert_eq!((window.len(), window[0].batch.hidden.len()), (4, 8 * trainer.columns()));
         ended +=
             window.iter().flat_map(|slice| slice.outcomes).filter(|outcome| **outcome != Outcome::Running).count();
         let gradient = differentiated(index, &trainer, (&actor, &critic)).gradient;
         let (log_std, critic_len) = (actor.log_std_places(), critic.parameters().len());
-        let memory = log_std.end..actor.parameters().len();
-        assert_eq!(memory.len(), 3 * 8 * (OBSERVATION_LEN + 8 + 1));
-        for (of_actor, of_critic) in [(0..log_std.start, 0..0), (memory, 0..0), (0..0, 0..critic_len)] {
+        let (features, seen) =
+            actor.encoder().map_or((0, 0), |encoder| (encoder.outputs(), encoder.parameter_count()));
+        let eye = log_std.end..log_std.end + seen;
+        let memory = eye.end..actor.parameters().len();
+        assert_eq!(memory.len(), 3 * 8 * (OBSERVATION_LEN + features + 8 + 1));
+        let parts = [(0..log_std.start, 0..0), (eye, 0..0), (memory, 0..0), (0..0, 0..critic_len)];
+        for (of_actor, of_critic) in
+            parts.into_iter().filter(|(of_actor, _)| !(of_actor.is_empty() && of_actor.start > 0))
+        {
             let along = [&gradient.actor[of_actor.clone()], &gradient.critic[of_critic.clone()]].concat();
             let length = along.iter().map(|value| f64::from(value * value)).sum::<f64>().sqrt();
             let at = |distance: f64| {
@@ -69,33 +87,41 @@ fn the_gradient_goes_back_through_time() {
 
 #[test]
 fn threads_and_interruptions_do_not_change_a_bit_of_what_a_recurrent_policy_learns() {
-    let on = |minibatch: usize, threads: usize, resumed: bool| {
+    let on = |task: Task, minibatch: usize, threads: usize, resumed: bool| {
         let settings = PpoSettings { minibatch, ..remembering() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| {
-            let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
+            let mut trainer = Trainer::new(&[task], &settings, Seed(5));
             trainer.update();
             if resumed {
                 let bytes = postcard::to_allocvec(&trainer.save()).expect("a state serialises");
                 let state = postcard::from_bytes(&bytes).expect("and back");
-                trainer = Trainer::restore(&[task(true)], &settings, state).expect("it is the same run");
+                trainer = Trainer::restore(&[task], &settings, state).expect("it is the same run");
             }
             trainer.update();
             trainer.save()
         })
     };
-    for minibatch in [remembering().minibatch, 4 * 32, 4 * 128] {
-        let reference = on(minibatch, 1, false);
+    let whole = remembering().minibatch;
+    for (task, minibatch) in [(task(true), whole), (task(true), 4 * 32), (task(true), 4 * 128), (seeing(), whole)]
+    {
+        let reference = on(task, minibatch, 1, false);
         assert!(reference.hidden.iter().any(|value| *value != 0.0), "something is remembered");
-        assert_eq!(reference, on(minibatch, 2, true));
-        assert_eq!(reference, on(minibatch, 5, false));
+        assert_eq!(reference, on(task, minibatch, 2, true));
+        assert_eq!(reference, on(task, minibatch, 5, false));
     }
 }
 
 /// What was chosen while flying is chosen again when the window is differentiated: the ratio of probabilities is one.
 #[test]
 fn a_window_remembers_what_was_remembered_in_flight() {
-    let mut trainer = Trainer::new(&[task(false)], &remembering(), Seed(3));
+    for task in [task(false), seeing()] {
+        remembers_what_was_remembered_in_flight(task);
+    }
+}
+
+fn remembers_what_was_remembered_in_flight(task: Task) {
+    let mut trainer = Trainer::new(&[task], &remembering(), Seed(3));
     trainer.update();
     trainer.collect();
     trainer.normalise_advantages();

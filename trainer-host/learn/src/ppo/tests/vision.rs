@@ -5,7 +5,7 @@ use crate::ranks::threads::run_as;
 use kestrel_core::encoder::Volume;
 
 /// Points and a picture of where they are.
-fn seeing() -> Task {
+pub(super) fn seeing() -> Task {
     Task { image: Some(Volume { rows: 10, columns: 12, channels: 4 }), ..task(true) }
 }
 
