@@ -1,7 +1,7 @@
 use std::slice;
 
 use super::*;
-use crate::experiment_config::load;
+use crate::experiment_config::{Experiment, load};
 use crate::golden::in_repository;
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
@@ -283,6 +283,44 @@ fn so_is_a_forest_with_people_and_one_that_a_team_crosses() {
         let losses = learned(task, 6);
         assert!(losses.iter().all(|loss| loss.is_finite()), "{task}: {losses:?}");
     }
+}
+
+#[test]
+fn so_are_rooms_that_a_camera_sees_and_a_memory_keeps() {
+    let overrides = ["scenario.aviary.drawn.worlds.count=3", "training.memory={units: 8, steps_per_window: 8}"];
+    let path = in_repository("configs/aviaries/unseen-rooms-camera.yaml");
+    let Experiment { scenario: task, training, .. } = load(&path, &overrides.map(str::to_owned)).unwrap();
+    let settings = PpoSettings {
+        environments: ENV_BATCH,
+        steps_per_rollout: 16,
+        minibatch: 8 * 32,
+        actor_hidden: vec![16],
+        critic_hidden: vec![16],
+        ..training.ppo
+    };
+    let tasks = slice::from_ref(&task);
+    let learn = |threads: usize, updates: u32, mut trainer: Trainer| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let learned =
+            pool.install(|| (0..updates).map(|_| trainer.update()).map(|update| update.policy_loss).collect());
+        let losses: Vec<f32> = learned;
+        (losses, trainer)
+    };
+    let (losses, whole) = learn(1, 4, Trainer::new(tasks, &settings, Seed(1)));
+    let (first, half) = learn(2, 2, Trainer::new(tasks, &settings, Seed(1)));
+    let resumed = Trainer::restore(tasks, &settings, half.save()).unwrap();
+    let (second, resumed) = learn(2, 2, resumed);
+    assert_eq!([first, second].concat(), losses);
+    assert_eq!(resumed.actor(), whole.actor());
+    // Its teacher turns the nose, so that the camera sees where it flies.
+    assert!(losses.iter().all(|loss| loss.is_finite()) && whole.actor().units() == 8, "{losses:?}");
+    let mut teacher = Teacher::of(&task).unwrap();
+    let simulation = Simulation::<8>::new(&task, Seed(3), 0, 40);
+    let turns = (0..40).filter(|row| {
+        let (state, goal) = (simulation.state(*row), simulation.goal(*row));
+        teacher.act(&state, &goal, simulation.room(*row), None)[3].abs() > 0.1
+    });
+    assert!(turns.count() > 20);
 }
 
 #[test]
