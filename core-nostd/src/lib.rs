@@ -42,7 +42,7 @@
 //! |---|---|
 //! | (none) | all of the above: the quadrotor's physics, neural-network inference in fixed point, the pilot |
 //! | `float` | the same in float; on unless default features are switched off |
-//! | `encoder` | vision policies: the CNN encoder in front of the network (`encoder`) |
+//! | `encoder` | vision policies: the CNN encoder in front of the network, and of a memory (`encoder`); includes `recurrent` |
 //! | `learning` | continual learning on board: the regulariser (`anchor`), an output layer that learns |
 //! | `px4` | what flies in PX4's neural control: rectifiers, the observation `px4_neural`, the actions `rotor_thrusts` |
 //! | `recurrent` | policies with a memory: a gated recurrent unit in front of the network (`gru`) |
