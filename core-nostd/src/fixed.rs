@@ -136,41 +136,26 @@ impl FixedMlp<'_> {
     }
 
     #[cfg(feature = "encoder")]
-    /// As [`Self::act`], with `features` in the format of the inputs behind the observation. `activations` is memory
-    /// for all of them, filled up to an even number, and at least [`WIDTH_LIMIT`] values.
+    /// As [`Self::act`], with `features` in the format of the inputs behind the observation and, behind these, the hidden state
+    /// of a memory that has taken in both before, if there is one. `activations` is memory for all of them, filled up to an
+    /// even number, and at least [`WIDTH_LIMIT`] values.
     pub(crate) fn act_on_features(
         &self,
         observation: &[f32],
         features: &[i16],
+        (memory, hidden): (Option<&FixedGru<'_>>, &mut [i16]),
         activations: &mut [i16],
         scratch: &mut FixedScratch,
     ) -> [f32; ACTION_LIMIT] {
-        let observed = self.inputs().saturating_sub(features.len());
+        let observed = self.inputs().saturating_sub(features.len() + hidden.len());
         let (front, back) = activations.split_at_mut_checked(observed).unwrap_or_default();
         self.read_observation(observation, front);
         for (slot, feature) in back.iter_mut().zip(features) {
             *slot = *feature;
         }
-        self.forward(activations, &mut scratch.sums)
-    }
-
-    #[cfg(feature = "encoder")]
-    /// As [`Self::act_on_features`], with the `hidden` state behind the features, which `memory` has taken both in before.
-    pub(crate) fn act_on_features_recurrent(
-        &self,
-        observation: &[f32],
-        features: &[i16],
-        (memory, hidden): (&FixedGru<'_>, &mut [i16]),
-        activations: &mut [i16],
-        scratch: &mut FixedScratch,
-    ) -> [f32; ACTION_LIMIT] {
-        let observed = memory.observation_len().saturating_sub(features.len());
-        let (front, back) = activations.split_at_mut_checked(observed).unwrap_or_default();
-        self.read_observation(observation, front);
-        for (slot, feature) in back.iter_mut().zip(features) {
-            *slot = *feature;
+        if let Some(memory) = memory {
+            memory.advance(activations, &mut scratch.sums, hidden);
         }
-        memory.advance(activations, &mut scratch.sums, hidden);
         self.forward(activations, &mut scratch.sums)
     }
 

@@ -108,37 +108,23 @@ impl Mlp<'_> {
     }
 
     #[cfg(feature = "encoder")]
-    /// As [`Self::act`], with `features` behind the observation. `inputs` is memory for all of them, and at least
-    /// [`WIDTH_LIMIT`] values.
+    /// As [`Self::act`], with `features` behind the observation and, behind these, the hidden state of a memory that has taken in
+    /// both before, if there is one. `inputs` is memory for all of them, and at least [`WIDTH_LIMIT`] values.
     pub(crate) fn act_on_features(
         &self,
         observation: &[f32],
         features: &[f32],
+        (memory, hidden): (Option<&Gru<'_>>, &mut [f32]),
         inputs: &mut [f32],
         scratch: &mut FloatScratch,
     ) -> [f32; ACTION_LIMIT] {
-        let observed = self.inputs().saturating_sub(features.len());
+        let observed = self.inputs().saturating_sub(features.len() + hidden.len());
         let (front, back) = inputs.split_at_mut_checked(observed).unwrap_or_default();
         read_observation(observation, front);
         read_observation(features, back.get_mut(..features.len()).unwrap_or_default());
-        self.forward(inputs, &mut scratch.outputs)
-    }
-
-    #[cfg(feature = "encoder")]
-    /// As [`Self::act_on_features`], with the `hidden` state behind the features, which `memory` has taken both in before.
-    pub(crate) fn act_on_features_recurrent(
-        &self,
-        observation: &[f32],
-        features: &[f32],
-        (memory, hidden): (&Gru<'_>, &mut [f32]),
-        inputs: &mut [f32],
-        scratch: &mut FloatScratch,
-    ) -> [f32; ACTION_LIMIT] {
-        let observed = memory.observation_len().saturating_sub(features.len());
-        let (front, back) = inputs.split_at_mut_checked(observed).unwrap_or_default();
-        read_observation(observation, front);
-        read_observation(features, back.get_mut(..features.len()).unwrap_or_default());
-        memory.advance(inputs, &mut scratch.outputs, hidden);
+        if let Some(memory) = memory {
+            memory.advance(inputs, &mut scratch.outputs, hidden);
+        }
         self.forward(inputs, &mut scratch.outputs)
     }
 

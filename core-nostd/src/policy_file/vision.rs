@@ -109,17 +109,19 @@ impl Network<'_> {
         memory: &mut EncoderWorkspace<'_>,
         scratch: &mut PolicyScratch,
     ) -> [f32; ACTION_LIMIT] {
-        if let Some(remembering) = remembering {
-            return remembering.act(self, (observation, features), memory, scratch);
-        }
+        let units = remembering.map_or(0, VisionMemory::units);
         match (self, memory) {
             (Self::Float32(network), EncoderWorkspace::Float32(values)) => {
-                let (features, inputs) = values.split_at_mut_checked(features).unwrap_or_default();
-                network.act_on_features(observation, features, inputs, &mut scratch.float)
+                let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
+                let (hidden, inputs) = rest.split_at_mut_checked(units).unwrap_or_default();
+                let remembering = (remembering.and_then(VisionMemory::float), hidden);
+                network.act_on_features(observation, features, remembering, inputs, &mut scratch.float)
             }
             (Self::Fixed16(network), EncoderWorkspace::Fixed16(values)) => {
-                let (features, inputs) = values.split_at_mut_checked(features).unwrap_or_default();
-                network.act_on_features(observation, features, inputs, &mut scratch.fixed)
+                let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
+                let (hidden, inputs) = rest.split_at_mut_checked(units).unwrap_or_default();
+                let remembering = (remembering.and_then(VisionMemory::fixed), hidden);
+                network.act_on_features(observation, features, remembering, inputs, &mut scratch.fixed)
             }
             // Excluded by the check.
             (Self::Float32(_), EncoderWorkspace::Fixed16(_))

@@ -1,9 +1,9 @@
 //! The memory of a vision policy, between the encoder and the network.
 
 use super::super::recurrent::{MemoryHeader, PolicyMemory};
-use super::super::{Network, ParameterFormat, PolicyError, PolicyScratch};
-use super::EncoderWorkspace;
-use crate::limits::ACTION_LIMIT;
+use super::super::{ParameterFormat, PolicyError};
+use crate::fixed::FixedGru;
+use crate::gru::Gru;
 
 /// What remembers of a vision policy: its hidden state takes in the observation and the features behind it.
 #[derive(Clone, Debug)]
@@ -57,30 +57,17 @@ impl<'a> VisionMemory<'a> {
         self.memory.bias(&self.header, self.format, layer, row)
     }
 
-    /// The action of `network` on an observation, the `features` at the start of the workspace, which was checked, and the
-    /// hidden state behind them, which takes both in before.
-    pub(super) fn act(
-        &self,
-        network: &Network<'_>,
-        (observation, features): (&[f32], usize),
-        workspace: &mut EncoderWorkspace<'_>,
-        scratch: &mut PolicyScratch,
-    ) -> [f32; ACTION_LIMIT] {
-        match (network, &self.memory, workspace) {
-            (Network::Float32(network), PolicyMemory::Float32(memory), EncoderWorkspace::Float32(values)) => {
-                let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
-                let (hidden, inputs) = rest.split_at_mut_checked(self.units()).unwrap_or_default();
-                let remembering = (memory, hidden);
-                network.act_on_features_recurrent(observation, features, remembering, inputs, &mut scratch.float)
-            }
-            (Network::Fixed16(network), PolicyMemory::Fixed16(memory), EncoderWorkspace::Fixed16(values)) => {
-                let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
-                let (hidden, inputs) = rest.split_at_mut_checked(self.units()).unwrap_or_default();
-                let remembering = (memory, hidden);
-                network.act_on_features_recurrent(observation, features, remembering, inputs, &mut scratch.fixed)
-            }
-            // A file has one arithmetic, and the workspace was checked.
-            (Network::Float32(_) | Network::Fixed16(_), _, _) => [0.0; ACTION_LIMIT],
+    pub(super) fn float(&self) -> Option<&Gru<'a>> {
+        match &self.memory {
+            PolicyMemory::Float32(memory) => Some(memory),
+            PolicyMemory::Fixed16(_) => None,
+        }
+    }
+
+    pub(super) fn fixed(&self) -> Option<&FixedGru<'a>> {
+        match &self.memory {
+            PolicyMemory::Fixed16(memory) => Some(memory),
+            PolicyMemory::Float32(_) => None,
         }
     }
 }
