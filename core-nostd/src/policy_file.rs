@@ -25,9 +25,7 @@ pub use metadata::{NAME_LIMIT, PolicyMetadata};
 #[cfg(feature = "recurrent")]
 pub use recurrent::{MEMORY_HEADER_LEN, MemoryDraft, PolicyMemory, RecurrentDraft, RecurrentPolicy};
 #[cfg(feature = "encoder")]
-pub use vision::{
-    ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionMemory, VisionPolicy,
-};
+pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
 pub use writer::PolicyDraft;
 
 use crate::airframe::Airframe;

@@ -14,9 +14,20 @@ use crate::mlp::DenseLayer;
 /// Bytes of the memory's header, which follows the header; the metadata follow.
 pub const MEMORY_HEADER_LEN: usize = 8;
 
-/// The memory of a policy, in its arithmetic.
+/// What remembers of a policy: its hidden state takes in the observation and, in a vision policy, the features behind it.
 #[derive(Clone, Debug)]
-pub enum PolicyMemory<'a> {
+pub struct PolicyMemory<'a> {
+    unit: Unit<'a>,
+    header: MemoryHeader,
+    /// Values that it takes in.
+    observation_len: usize,
+    format: ParameterFormat,
+    bytes: usize,
+}
+
+/// The gated recurrent unit, in its arithmetic.
+#[derive(Clone, Debug)]
+enum Unit<'a> {
     /// In `f32`.
     Float32(Gru<'a>),
     /// In 16-bit weights.
@@ -30,8 +41,6 @@ pub enum PolicyMemory<'a> {
 pub struct RecurrentPolicy<'a> {
     policy: PolicyFile<'a>,
     memory: PolicyMemory<'a>,
-    header: MemoryHeader,
-    memory_bytes: usize,
 }
 
 /// Everything in the memory's header.
@@ -108,11 +117,6 @@ impl MemoryHeader {
             parameter_bytes: bytes(2 * self.units) + bytes(self.units),
         }
     }
-
-    /// Multiplications of a step.
-    pub(super) fn multiply_accumulates(&self, observation_len: usize) -> usize {
-        3 * self.shape(observation_len).inputs() * self.units
-    }
 }
 
 impl<'a> PolicyMemory<'a> {
@@ -120,42 +124,77 @@ impl<'a> PolicyMemory<'a> {
     pub(super) fn from_parameters(
         format: ParameterFormat,
         observation_len: usize,
-        memory: &MemoryHeader,
+        header: &MemoryHeader,
         parameters: &'a [u8],
     ) -> Result<Self, PolicyError> {
-        let shape = memory.shape(observation_len);
-        match format {
-            ParameterFormat::Float32 => Gru::from_parameters(shape, parameters).map(Self::Float32),
+        let shape = header.shape(observation_len);
+        let unit = match format {
+            ParameterFormat::Float32 => Unit::Float32(Gru::from_parameters(shape, parameters)?),
             ParameterFormat::Fixed16(format) => {
-                FixedGru::from_parameters(shape, format, memory.weight_fraction_bits, parameters)
-                    .map(Self::Fixed16)
+                let bits = header.weight_fraction_bits;
+                Unit::Fixed16(FixedGru::from_parameters(shape, format, bits, parameters)?)
+            }
+        };
+        Ok(Self { unit, header: *header, observation_len, format, bytes: parameters.len() })
+    }
+
+    /// Values of its hidden state.
+    pub fn units(&self) -> usize {
+        self.header.units
+    }
+
+    /// Multiplications of a step, padding not counted.
+    pub fn multiply_accumulates(&self) -> usize {
+        3 * self.header.shape(self.observation_len).inputs() * self.units()
+    }
+
+    /// Bytes of weights and biases, padding included.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Fraction bits of the weights of gates and candidate in fixed point; zero in float.
+    pub fn weight_fraction_bits(&self) -> [u8; 2] {
+        self.header.weight_fraction_bits
+    }
+
+    /// The weight that stands in `row` and `column` of the gates (layer 0) or the candidate (1); zero beyond the matrix.
+    pub fn weight(&self, layer: usize, row: usize, column: usize) -> f32 {
+        match &self.unit {
+            Unit::Float32(unit) => unit.layer(layer).weight(row, column),
+            Unit::Fixed16(unit) => {
+                let bits = self.header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
+                f32::from(unit.weight_code(layer, row, column)) / (1_u32 << bits) as f32
             }
         }
     }
-}
 
-impl PolicyMemory<'_> {
-    /// As [`RecurrentPolicy::memory_weight`].
-    pub(super) fn weight(&self, header: &MemoryHeader, layer: usize, row: usize, column: usize) -> f32 {
-        match self {
-            Self::Float32(memory) => memory.layer(layer).weight(row, column),
-            Self::Fixed16(memory) => {
-                let bits = header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
-                f32::from(memory.weight_code(layer, row, column)) / (1_u32 << bits) as f32
-            }
-        }
-    }
-
-    /// As [`RecurrentPolicy::memory_bias`].
-    pub(super) fn bias(&self, header: &MemoryHeader, format: ParameterFormat, layer: usize, row: usize) -> f32 {
-        match (self, format) {
-            (Self::Fixed16(memory), ParameterFormat::Fixed16(format)) => {
-                let weights = header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
+    /// The bias that stands in `row`, as [`Self::weight`]; zero beyond the rows.
+    pub fn bias(&self, layer: usize, row: usize) -> f32 {
+        match (&self.unit, self.format) {
+            (Unit::Fixed16(unit), ParameterFormat::Fixed16(format)) => {
+                let weights = self.header.weight_fraction_bits.get(layer).copied().unwrap_or_default();
                 let bits = gru_format(format, weights).sum_fraction_bits(0).unwrap_or_default();
-                memory.bias_code(layer, row) as f32 / (1_u64 << bits) as f32
+                unit.bias_code(layer, row) as f32 / (1_u64 << bits) as f32
             }
-            (Self::Float32(memory), _) => memory.layer(layer).bias(row),
-            (Self::Fixed16(_), ParameterFormat::Float32) => 0.0,
+            (Unit::Float32(unit), _) => unit.layer(layer).bias(row),
+            (Unit::Fixed16(_), ParameterFormat::Float32) => 0.0,
+        }
+    }
+
+    #[cfg(feature = "encoder")]
+    pub(super) fn float(&self) -> Option<&Gru<'a>> {
+        match &self.unit {
+            Unit::Float32(unit) => Some(unit),
+            Unit::Fixed16(_) => None,
+        }
+    }
+
+    #[cfg(feature = "encoder")]
+    pub(super) fn fixed(&self) -> Option<&FixedGru<'a>> {
+        match &self.unit {
+            Unit::Fixed16(unit) => Some(unit),
+            Unit::Float32(_) => None,
         }
     }
 }
@@ -168,17 +207,15 @@ impl Network<'_> {
         hidden: &mut HiddenState,
         scratch: &mut PolicyScratch,
     ) -> [f32; ACTION_LIMIT] {
-        match (self, memory) {
-            (Self::Float32(network), PolicyMemory::Float32(memory)) => {
+        match (self, &memory.unit) {
+            (Self::Float32(network), Unit::Float32(memory)) => {
                 network.act_recurrent(observation, memory, hidden, &mut scratch.float)
             }
-            (Self::Fixed16(network), PolicyMemory::Fixed16(memory)) => {
+            (Self::Fixed16(network), Unit::Fixed16(memory)) => {
                 network.act_recurrent(observation, memory, hidden, &mut scratch.fixed)
             }
             // A file has one arithmetic.
-            (Self::Float32(_), PolicyMemory::Fixed16(_)) | (Self::Fixed16(_), PolicyMemory::Float32(_)) => {
-                [0.0; ACTION_LIMIT]
-            }
+            (Self::Float32(_), Unit::Fixed16(_)) | (Self::Fixed16(_), Unit::Float32(_)) => [0.0; ACTION_LIMIT],
         }
     }
 }
@@ -195,7 +232,7 @@ impl<'a> RecurrentPolicy<'a> {
         let memory_header = MemoryHeader::parse(bytes, HEADER_LEN, observation_len, format)?;
         let (policy, parameters) = PolicyFile::read(bytes, header, memory_header.sizes(observation_len, format))?;
         let memory = PolicyMemory::from_parameters(format, observation_len, &memory_header, parameters)?;
-        Ok(Self { policy, memory, header: memory_header, memory_bytes: parameters.len() })
+        Ok(Self { policy, memory })
     }
 
     /// Name, observation layout (without the hidden state), action space, control period.
@@ -220,14 +257,14 @@ impl<'a> RecurrentPolicy<'a> {
         self.policy.parameter_format()
     }
 
-    /// Units of the memory.
-    pub fn units(&self) -> usize {
-        self.header.units
+    /// What remembers.
+    pub fn memory(&self) -> &PolicyMemory<'a> {
+        &self.memory
     }
 
-    /// Fraction bits of the weights of gates and candidate in fixed point; zero in float.
-    pub fn memory_weight_fraction_bits(&self) -> [u8; 2] {
-        self.header.weight_fraction_bits
+    /// Units of the memory.
+    pub fn units(&self) -> usize {
+        self.memory.units()
     }
 
     /// Inputs and outputs of each layer behind the memory; the first reads observation and hidden state.
@@ -237,27 +274,17 @@ impl<'a> RecurrentPolicy<'a> {
 
     /// Multiplications of an action, the memory's included, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        self.policy.multiply_accumulates() + self.header.multiply_accumulates(self.policy.header.observation_len())
+        self.policy.multiply_accumulates() + self.memory.multiply_accumulates()
     }
 
     /// Bytes of weights and biases, the memory's and padding included.
     pub fn parameter_bytes(&self) -> usize {
-        self.policy.parameter_bytes() + self.memory_bytes
+        self.policy.parameter_bytes() + self.memory.bytes()
     }
 
     /// The network behind the memory, to read its numbers. By itself it acts on no hidden state.
     pub fn network(&self) -> &PolicyFile<'a> {
         &self.policy
-    }
-
-    /// The weight that stands in `row` and `column` of the gates (layer 0) or the candidate (1); zero beyond the matrix.
-    pub fn memory_weight(&self, layer: usize, row: usize, column: usize) -> f32 {
-        self.memory.weight(&self.header, layer, row, column)
-    }
-
-    /// The bias that stands in `row`, as [`Self::memory_weight`]; zero beyond the rows.
-    pub fn memory_bias(&self, layer: usize, row: usize) -> f32 {
-        self.memory.bias(&self.header, self.policy.parameter_format(), layer, row)
     }
 
     /// How many values of `observation` lie beyond the range of the input format; none for a float policy.

@@ -2,17 +2,17 @@
 //! behind that.
 
 mod header;
-mod memory;
 mod workspace;
 mod writer;
 
 pub use header::ENCODER_HEADER_LEN;
-pub use memory::VisionMemory;
 pub use workspace::EncoderWorkspace;
 pub use writer::{EncoderDraft, VisionDraft};
 
 use super::header::{Header, RECURRENT_VISION_FORMAT_VERSION, VISION_FORMAT_VERSION, u16_at};
-use super::{Arithmetic, Network, ParameterFormat, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
+use super::{
+    Arithmetic, Network, ParameterFormat, PolicyError, PolicyFile, PolicyMemory, PolicyMetadata, PolicyScratch,
+};
 use crate::encoder::{Encoder, EncoderShape, FixedEncoder};
 use crate::gru::HiddenState;
 use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
@@ -35,7 +35,7 @@ pub enum PolicyEncoder<'a> {
 pub struct VisionPolicy<'a> {
     policy: PolicyFile<'a>,
     encoder: PolicyEncoder<'a>,
-    memory: Option<VisionMemory<'a>>,
+    memory: Option<PolicyMemory<'a>>,
     encoder_bytes: usize,
     control_periods_per_image: u16,
 }
@@ -105,22 +105,22 @@ impl Network<'_> {
     fn act_on_features(
         &self,
         observation: &[f32],
-        (features, remembering): (usize, Option<&VisionMemory<'_>>),
+        (features, remembering): (usize, Option<&PolicyMemory<'_>>),
         memory: &mut EncoderWorkspace<'_>,
         scratch: &mut PolicyScratch,
     ) -> [f32; ACTION_LIMIT] {
-        let units = remembering.map_or(0, VisionMemory::units);
+        let units = remembering.map_or(0, PolicyMemory::units);
         match (self, memory) {
             (Self::Float32(network), EncoderWorkspace::Float32(values)) => {
                 let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
                 let (hidden, inputs) = rest.split_at_mut_checked(units).unwrap_or_default();
-                let remembering = (remembering.and_then(VisionMemory::float), hidden);
+                let remembering = (remembering.and_then(PolicyMemory::float), hidden);
                 network.act_on_features(observation, features, remembering, inputs, &mut scratch.float)
             }
             (Self::Fixed16(network), EncoderWorkspace::Fixed16(values)) => {
                 let (features, rest) = values.split_at_mut_checked(features).unwrap_or_default();
                 let (hidden, inputs) = rest.split_at_mut_checked(units).unwrap_or_default();
-                let remembering = (remembering.and_then(VisionMemory::fixed), hidden);
+                let remembering = (remembering.and_then(PolicyMemory::fixed), hidden);
                 network.act_on_features(observation, features, remembering, inputs, &mut scratch.fixed)
             }
             // Excluded by the check.
@@ -147,7 +147,7 @@ impl<'a> VisionPolicy<'a> {
         let encoder_bytes = encoder.sizes(format).parameter_bytes;
         let (of_encoder, of_memory) = parameters.split_at_checked(encoder_bytes).unwrap_or_default();
         let memory =
-            memory.map(|memory| VisionMemory::from_parameters(format, observation_len, &memory, of_memory));
+            memory.map(|memory| PolicyMemory::from_parameters(format, observation_len, &memory, of_memory));
         Ok(Self {
             policy,
             encoder: PolicyEncoder::from_parameters(&encoder, format, of_encoder)?,
@@ -184,7 +184,7 @@ impl<'a> VisionPolicy<'a> {
 
     /// Units of the memory; none where nothing is remembered.
     pub fn units(&self) -> usize {
-        self.memory.as_ref().map_or(0, VisionMemory::units)
+        self.memory.as_ref().map_or(0, PolicyMemory::units)
     }
 
     /// Inputs and outputs of each layer behind the encoder; the first reads observation, features and hidden state.
@@ -194,16 +194,16 @@ impl<'a> VisionPolicy<'a> {
 
     /// Multiplications of an action, the memory's included, without those of an image, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        self.policy.multiply_accumulates() + self.memory.as_ref().map_or(0, VisionMemory::multiply_accumulates)
+        self.policy.multiply_accumulates() + self.memory.as_ref().map_or(0, PolicyMemory::multiply_accumulates)
     }
 
     /// Bytes of weights and biases behind the encoder, the memory's and padding included.
     pub fn parameter_bytes(&self) -> usize {
-        self.policy.parameter_bytes() + self.memory.as_ref().map_or(0, VisionMemory::bytes)
+        self.policy.parameter_bytes() + self.memory.as_ref().map_or(0, PolicyMemory::bytes)
     }
 
     /// What remembers, if anything does.
-    pub fn memory(&self) -> Option<&VisionMemory<'a>> {
+    pub fn memory(&self) -> Option<&PolicyMemory<'a>> {
         self.memory.as_ref()
     }
 

@@ -128,10 +128,10 @@ fn what_is_stored_can_be_read_back() {
         let policy = RecurrentPolicy::parse(&bytes).unwrap();
         for (index, layer) in [model.gates.layers()[0], model.candidate.layers()[0]].iter().enumerate() {
             for row in 0..layer.outputs {
-                assert!((policy.memory_bias(index, row) - layer.bias[row]).abs() <= tolerance);
+                assert!((policy.memory().bias(index, row) - layer.bias[row]).abs() <= tolerance);
                 for column in 0..layer.inputs {
                     let weight = layer.weights[row * layer.inputs + column];
-                    assert!((policy.memory_weight(index, row, column) - weight).abs() <= tolerance);
+                    assert!((policy.memory().weight(index, row, column) - weight).abs() <= tolerance);
                 }
             }
         }

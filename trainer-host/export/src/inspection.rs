@@ -5,7 +5,7 @@ use core::fmt;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::encoder::{EncoderShape, EncoderStage};
 use kestrel_core::policy_file::{
-    Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMetadata, VisionMemory, VisionPolicy,
+    Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMemory, PolicyMetadata, VisionPolicy,
 };
 
 use serde::Serialize;
@@ -98,7 +98,7 @@ impl fmt::Display for Inspection<'_> {
             Policy::Seeing(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
                 let memory = policy.memory();
-                let bytes = policy.parameter_bytes() - memory.map_or(0, VisionMemory::bytes);
+                let bytes = policy.parameter_bytes() - memory.map_or(0, PolicyMemory::bytes);
                 write_network(f, &shapes, bytes, policy.arithmetic())?;
                 if let Some(memory) = memory {
                     let cost = (memory.multiply_accumulates(), memory.bytes());

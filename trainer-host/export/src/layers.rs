@@ -32,8 +32,8 @@ impl Layer {
     pub fn of_memory(policy: &RecurrentPolicy<'_>) -> [Self; 2] {
         let inputs = policy.metadata().observation.len() + policy.units();
         [(0, 2 * policy.units()), (1, policy.units())].map(|(index, outputs)| {
-            let weight = |row, column| policy.memory_weight(index, row, column);
-            Self::read((inputs, outputs), weight, |row| policy.memory_bias(index, row))
+            let weight = |row, column| policy.memory().weight(index, row, column);
+            Self::read((inputs, outputs), weight, |row| policy.memory().bias(index, row))
         })
     }
 

@@ -4,9 +4,11 @@ use super::super::header::{
     HEADER_LEN, Header, ParameterFormat, RECURRENT_VISION_FORMAT_VERSION, VISION_FORMAT_VERSION,
 };
 use super::super::writer::{copy, seal, section};
-use super::super::{MEMORY_HEADER_LEN, MemoryDraft, Network, PolicyDraft, PolicyError, PolicyScratch};
+use super::super::{
+    MEMORY_HEADER_LEN, MemoryDraft, Network, PolicyDraft, PolicyError, PolicyMemory, PolicyScratch,
+};
 use super::header::{ENCODER_HEADER_LEN, EncoderHeader, FrontHeaders};
-use super::{EncoderWorkspace, PolicyEncoder, VisionMemory};
+use super::{EncoderWorkspace, PolicyEncoder};
 use crate::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT, write_fixed, write_float};
 use crate::fixed::{FixedFormat, INPUT_FRACTION_BITS_LIMIT};
 use crate::limits::WIDTH_LIMIT;
@@ -100,9 +102,9 @@ impl VisionDraft<'_> {
         let encoder = PolicyEncoder::from_parameters(&fronts.encoder, format, of_encoder)?;
         let remembering = fronts
             .memory
-            .map(|memory| VisionMemory::from_parameters(format, fronts.observation_len, &memory, of_memory))
+            .map(|memory| PolicyMemory::from_parameters(format, fronts.observation_len, &memory, of_memory))
             .transpose()?;
-        let units = remembering.as_ref().map_or(0, VisionMemory::units);
+        let units = remembering.as_ref().map_or(0, PolicyMemory::units);
         memory.check(encoder.memory_len(units, &network), encoder.arithmetic())?;
         memory.clear();
         let mut scratch = PolicyScratch::new();

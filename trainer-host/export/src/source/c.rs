@@ -245,7 +245,7 @@ fn memory_constants(
     memory: &RecurrentPolicy<'_>,
     format: FixedFormat,
 ) -> Result<String, SourceError> {
-    let [gates, candidate] = memory.memory_weight_fraction_bits();
+    let [gates, candidate] = memory.memory().weight_fraction_bits();
     let shift = |weights: u8| {
         let mut of_layer = format;
         of_layer.weight_fraction_bits[0] = weights;
