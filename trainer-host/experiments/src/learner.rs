@@ -46,6 +46,15 @@ impl LearnerSettings {
         self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
     }
 
+    /// As at the end of a training, for who does not know that another task has begun: the smallest steps, and nobody teaches.
+    pub(crate) fn at_the_end(self) -> Self {
+        let analytic = self
+            .analytic
+            .map(|settings| AnalyticSettings { learning_rate: settings.learning_rate.last(), ..settings });
+        let ppo = PpoSettings { learning_rate: self.ppo.learning_rate.last(), teacher: None, ..self.ppo };
+        Self { ppo, analytic, initial_policy: None }
+    }
+
     /// What trains, for people.
     pub fn method(&self) -> &'static str {
         if self.analytic.is_some() { "gradients through the physics" } else { "PPO" }
@@ -130,6 +139,14 @@ impl Learner {
         match self {
             Self::Ppo(trainer) => trainer.ended(show),
             Self::Analytic(trainer) => trainer.ended(show),
+        }
+    }
+
+    /// Flies for so many steps without learning, so that environments are at different moments of their episodes.
+    pub(crate) fn settle(&mut self, steps: u64) {
+        match self {
+            Self::Ppo(trainer) => trainer.settle(steps),
+            Self::Analytic(trainer) => trainer.settle(steps),
         }
     }
 

@@ -9,6 +9,7 @@
 //! study.json                     for readers: tasks, orders, methods with their bytes, seeds, baselines
 //! rows/METHOD/ORDER-SEED.csv     every test flight of a job, after each of its stages
 //! curves/METHOD/ORDER-SEED.csv   success while it trained
+//! boundaries/METHOD/ORDER-SEED.csv   where a method found that its task was another one, if nobody tells it
 //! policies/METHOD/ORDER-SEED/    its policy, and the configuration that trains it again; of experts a folder a task
 //! unfinished/METHOD-ORDER-SEED   checkpoints of jobs in progress
 //! report.md, report/*.svg        what it means
@@ -86,13 +87,38 @@ impl Study {
         jobs
     }
 
-    /// How a method trains each task.
+    /// How a method trains each task, where it is not each as its file says.
     pub fn training_of(&self, method: usize) -> &LearnerSettings {
         self.methods[method].training.as_ref().unwrap_or(&self.training)
     }
 
+    /// How a job trains the task at a place of its order.
+    pub fn training_at(&self, job: JobId, place: usize) -> &LearnerSettings {
+        match self.methods[job.method].procedure.trains_as_configured() {
+            true => &self.tasks[self.orders[job.order][place]].training,
+            false => self.training_of(job.method),
+        }
+    }
+
+    /// Environment steps of a stage that lasts to its end.
+    pub fn stage_steps(&self, job: JobId, stage: usize) -> u64 {
+        let tasks = self.orders[job.order].len();
+        let at_once = tasks / self.methods[job.method].procedure.stages(tasks);
+        self.training_at(job, stage).total_steps() * at_once as u64
+    }
+
     /// Environment steps of a job whose stages all last to their end.
     pub fn steps_of(&self, job: JobId) -> u64 {
-        self.training_of(job.method).total_steps() * self.orders[job.order].len() as u64
+        let stages = self.methods[job.method].procedure.stages(self.orders[job.order].len());
+        (0..stages).map(|stage| self.stage_steps(job, stage)).sum()
+    }
+
+    /// Most environment steps that a task is trained for.
+    pub fn most_steps(&self) -> u64 {
+        let steps = |job: JobId| {
+            let places = 0..self.orders[job.order].len();
+            places.map(move |place| self.training_at(job, place).total_steps())
+        };
+        self.jobs().into_iter().filter(|job| job.seed == 0).flat_map(steps).max().unwrap_or(0)
     }
 }

@@ -259,6 +259,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         self.differentiate();
         let mut metrics =
             UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..UpdateMetrics::without_ppo() };
+        metrics.boundary = self.show(regulariser);
         self.descend(regulariser, &mut metrics);
         self.updates += 1;
         let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;

@@ -109,6 +109,7 @@ impl<E: Environment> Trainer<E> {
         self.collect();
         let rollout_secs = start.elapsed().as_secs_f64();
         let mut metrics = UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..Default::default() };
+        metrics.boundary = self.show(regulariser);
         metrics.explained_variance = self.normalise_advantages();
         self.optimise(regulariser, &mut metrics);
         self.finish(&mut metrics);

@@ -2,12 +2,14 @@
 //!
 //! Between tasks a [`Regulariser`] takes in what must not be forgotten ([`consolidate`](Regulariser::consolidate)); during
 //! the next task it adds its penalty's gradient to that of every minibatch ([`add_gradient`](Regulariser::add_gradient))
-//! or moves the policy after the step ([`after_step`](Regulariser::after_step)). It says how many bytes it keeps.
+//! or moves the policy after the step ([`after_step`](Regulariser::after_step)). It says how many bytes it keeps. One that is told of
+//! no end of a task looks at every rollout for it ([`watch`](Regulariser::watch)).
 //!
 //! Each method that ships is one file with its YAML keys, their check, its memory and its arithmetic, and one line in
 //! the list at the end of this file. Any other type that implements [`Regulariser`] works as well
 //! (`examples/own_regulariser.rs`): [`Trainer::update_with`](crate::ppo::Trainer::update_with) takes it.
 
+mod boundary;
 mod compact_coreset;
 mod coreset;
 mod curvature;
@@ -26,6 +28,7 @@ use kestrel_core::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use boundary::Boundaries;
 pub use compact_coreset::{CompactCoreset, CompactCoresetSettings};
 pub use coreset::{Coreset, CoresetSettings};
 pub use distillation::{DistillationSettings, distil};
@@ -61,6 +64,17 @@ pub trait Regulariser {
 
     /// Takes in what must not be forgotten of a task.
     fn consolidate(&mut self, ended: &EndedTask<'_>);
+
+    /// Whether it finds out by itself when a task has ended.
+    fn watches(&self) -> bool {
+        false
+    }
+
+    /// Looks at a rollout before the policy learns from it; whether it is of another task than the one before, whose end the regulariser
+    /// has then taken in.
+    fn watch(&mut self, _flight: &Flight<'_>) -> bool {
+        false
+    }
 }
 
 /// The networks that learn.
@@ -83,6 +97,17 @@ pub struct OptimiserStep<'a> {
     pub learning_rate: f32,
 }
 
+/// A rollout.
+#[derive(Clone, Copy, Debug)]
+pub struct Flight<'a> {
+    /// The policy that flew.
+    pub actor: &'a Actor,
+    /// What it observed, one environment batch after the other.
+    pub visited: &'a [Visited<'a>],
+    /// Seed of the training.
+    pub seed: Seed,
+}
+
 /// A task at its end.
 #[derive(Clone, Copy, Debug)]
 pub struct EndedTask<'a> {
@@ -96,6 +121,13 @@ pub struct EndedTask<'a> {
     pub visited: &'a [Visited<'a>],
     /// Seed of the task's training.
     pub seed: Seed,
+}
+
+impl<'a> EndedTask<'a> {
+    /// The flight on which it is shown.
+    pub fn flight(&self) -> Flight<'a> {
+        Flight { actor: self.actor, visited: self.visited, seed: self.seed }
+    }
 }
 
 /// What a policy observed in one environment batch.
@@ -153,6 +185,19 @@ macro_rules! regularisers {
                 }
             }
 
+            /// Whether it finds out by itself when a task has ended.
+            pub fn finds_boundaries(&self) -> bool {
+                match self {
+                    Self::CompactCoreset(settings) => settings.boundaries == Boundaries::Found,
+                    Self::None
+                    | Self::Quadratic(_)
+                    | Self::FunctionSpace(_)
+                    | Self::ReferenceSoar(_)
+                    | Self::SynapticIntelligence(_)
+                    | Self::Coreset(_) => false,
+                }
+            }
+
             /// Whether all numbers are in their range.
             ///
             /// # Errors
@@ -198,6 +243,20 @@ macro_rules! regularisers {
                 match self {
                     Self::None => {}
                     $(Self::$name(state) => state.consolidate(ended),)*
+                }
+            }
+
+            fn watches(&self) -> bool {
+                match self {
+                    Self::None => false,
+                    $(Self::$name(state) => state.watches(),)*
+                }
+            }
+
+            fn watch(&mut self, flight: &Flight<'_>) -> bool {
+                match self {
+                    Self::None => false,
+                    $(Self::$name(state) => state.watch(flight),)*
                 }
             }
         }

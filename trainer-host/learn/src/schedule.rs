@@ -42,6 +42,14 @@ impl Schedule {
         }
     }
 
+    /// The schedule that stays where this one ends; one that follows the divergence has no end.
+    pub fn last(&self) -> Self {
+        match *self {
+            Self::Linear { to, .. } => Self::Constant(to),
+            Self::Constant(_) | Self::KlAdaptive { .. } => *self,
+        }
+    }
+
     /// The learning rate of the next update, from the `current` one, the fraction of training done and the
     /// `approx_kl` of the update just made.
     pub fn next(&self, current: f32, progress: f64, approx_kl: f32) -> f32 {
@@ -61,6 +69,7 @@ mod tests {
 
     #[test]
     fn a_linear_schedule_ends_where_it_says() {
+        assert_eq!(Schedule::Linear { from: 1e-3, to: 1e-4 }.last(), Schedule::Constant(1e-4));
         let schedule = Schedule::Linear { from: 1e-3, to: 1e-4 };
         assert_eq!(schedule.initial(), 1e-3);
         assert!((schedule.next(1e-3, 0.5, 0.0) - 5.5e-4).abs() < 1e-9);

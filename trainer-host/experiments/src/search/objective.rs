@@ -94,7 +94,14 @@ mod tests {
             .flat_map(|stage| (0..2).flat_map(move |task| (0..2).map(move |episode| row(stage, task, episode))));
         let point = |stage, steps, success_rate| CurveRow { stage, steps, success_rate, episode_return: 0.0 };
         let curve = vec![point(1, 4096, 0.5), point(1, 8192, 1.0), point(2, 2048, 1.0)];
-        let result = JobResult { rows: rows.collect(), curve, stored_bytes: 0, training_bytes: 0, parameters: 1 };
+        let result = JobResult {
+            rows: rows.collect(),
+            curve,
+            stored_bytes: 0,
+            training_bytes: 0,
+            parameters: 1,
+            boundaries: vec![],
+        };
         directory.leave_job(JobId { seed: 0, order: 0, method: 0 }, &result).unwrap();
         StudyData::load(place.path()).unwrap()
     }

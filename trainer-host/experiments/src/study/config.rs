@@ -14,7 +14,7 @@ use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use method::{MethodConfig, ProcedureConfig, SequentialConfig, SharingConfig};
+pub use method::{ExpertsConfig, MethodConfig, ProcedureConfig, SequentialConfig, SharingConfig};
 
 use super::Study;
 use super::procedure::{Method, Procedure};
@@ -212,9 +212,7 @@ impl StudyConfig {
         check_name(&self.name, &root.at("name"))?;
         let tasks = check_tasks(&self.tasks, &root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
-        let training = self.training.for_teams(teams(&tasks)).check(&root.at("training"))?;
-        refuse_other_teams(&tasks, &training, &root.at("training"))?;
-        refuse_unsuited(&tasks, &training, &root.at("training"))?;
+        let training = self.check_training(&tasks, &root.at("training"), &root.at("tasks"))?;
         let methods = self.check_methods(&root.at("methods"), &tasks, &training)?;
         let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
         let jobs = count * (methods.len() * orders.len()) as u64;
@@ -237,6 +235,30 @@ impl StudyConfig {
         })
     }
 
+    /// How all tasks are trained; where each is trained as its file says, that this can be.
+    fn check_training(
+        &self,
+        tasks: &[Experiment],
+        field: &Field<'_>,
+        of_tasks: &Field<'_>,
+    ) -> Result<LearnerSettings, ConfigError> {
+        let own = |method: &MethodConfig| {
+            matches!(method.learn, ProcedureConfig::Experts(ExpertsConfig { own_training: true }))
+        };
+        let training = self.training.for_teams(teams(tasks)).check(field)?;
+        if self.methods.iter().any(own) {
+            for (index, task) in tasks.iter().enumerate() {
+                let field = of_tasks.at(index).at("training");
+                refuse_unfit(std::slice::from_ref(task), &task.training, &field)?;
+            }
+        }
+        if !self.methods.iter().all(own) {
+            refuse_other_layouts(tasks, of_tasks)?;
+            refuse_unfit(tasks, &training, field)?;
+        }
+        Ok(training)
+    }
+
     fn check_methods(
         &self,
         field: &Field<'_>,
@@ -255,13 +277,13 @@ impl StudyConfig {
             }
             let checked = method.check(&field, tasks)?;
             if let Some(training) = &checked.training {
-                refuse_other_teams(tasks, training, &field.at("training"))?;
-                refuse_unsuited(tasks, training, &field.at("training"))?;
+                refuse_unfit(tasks, training, &field.at("training"))?;
             }
             refuse_lost_images(tasks, &checked.procedure, &field.at("learn"))?;
             let training = checked.training.as_ref().unwrap_or(training);
             refuse_lost_memory(training, &checked.procedure, &field.at("learn"))?;
             refuse_unshared(training, &checked.procedure, &field.at("learn"))?;
+            refuse_few_drones(training, &checked.procedure, &field.at("learn"))?;
             methods.push(checked);
         }
         Ok(methods)
@@ -288,7 +310,7 @@ impl StudyConfig {
     }
 }
 
-/// Tasks that one policy can fly.
+/// The tasks, each of its own name.
 fn check_tasks(configs: &[ExperimentConfig], field: &Field<'_>) -> Result<Vec<Experiment>, ConfigError> {
     if configs.is_empty() {
         return Err(field.refuse("", "at least one task"));
@@ -299,9 +321,6 @@ fn check_tasks(configs: &[ExperimentConfig], field: &Field<'_>) -> Result<Vec<Ex
         let task = task.check(&field)?;
         if tasks.iter().any(|other| other.name == task.name) {
             return Err(field.at("name").refuse(&task.name, "a name that no other task has"));
-        }
-        if let Some(first) = tasks.first() {
-            refuse_other_layout(first, &task, &field)?;
         }
         tasks.push(task);
     }
@@ -326,7 +345,7 @@ fn refuse_lost_memory(
 ) -> Result<(), ConfigError> {
     let keeps_it = match procedure {
         Procedure::Joint
-        | Procedure::Experts
+        | Procedure::Experts { .. }
         | Procedure::Sequential { regulariser: RegulariserSettings::None, .. } => true,
         // What PPO remembers of a flight are the hidden states at the beginnings of windows.
         Procedure::Sequential { regulariser: RegulariserSettings::CompactCoreset(_), .. } => {
@@ -340,6 +359,19 @@ fn refuse_lost_memory(
     let expected = "`joint`, `experts`, `sequential` without a consolidator or, by gradients, with `compact_coreset`: \
                     other methods do not carry a hidden state";
     Err(learn.reject("policies with a memory", expected))
+}
+
+/// Refuses to find boundaries in the few drones of a window by gradients: by chance these have met as different things before.
+fn refuse_few_drones(
+    training: &LearnerSettings,
+    procedure: &Procedure,
+    learn: &Field<'_>,
+) -> Result<(), ConfigError> {
+    match procedure.finds_boundaries() && training.analytic.is_some() {
+        true => Err(learn
+            .reject("`boundaries: found` beside `analytic`", "PPO, whose rollouts have drones enough to tell")),
+        false => Ok(()),
+    }
 }
 
 /// Refuses a training that learners whose policies are averaged do not have.
@@ -357,7 +389,7 @@ fn refuse_unshared(
         Procedure::Sharing { .. }
         | Procedure::Sequential { .. }
         | Procedure::Joint
-        | Procedure::Experts
+        | Procedure::Experts { .. }
         | Procedure::Distil { .. } => Ok(()),
     }
 }
@@ -367,7 +399,13 @@ fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
     tasks.iter().map(|task| task.scenario.agents.count as usize)
 }
 
-/// One policy flies all tasks: they must agree in what it sees and commands.
+/// One policy flies all tasks.
+fn refuse_other_layouts(tasks: &[Experiment], field: &Field<'_>) -> Result<(), ConfigError> {
+    let others = tasks.iter().enumerate().skip(1);
+    others.map(|(index, task)| refuse_other_layout(&tasks[0], task, &field.at(index))).collect()
+}
+
+/// Refuses a task that does not agree with the first in what a policy sees and commands.
 fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>) -> Result<(), ConfigError> {
     let field = field.at("scenario");
     let expected = |what: &str| format!("the {what} of the task {:?}: one policy flies them all", first.name);
@@ -393,6 +431,12 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
         return Err(field.at("critic").reject("another critic", expected("critic")));
     }
     Ok(())
+}
+
+/// Refuses a training that cannot be that of these tasks.
+fn refuse_unfit(tasks: &[Experiment], training: &LearnerSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+    refuse_other_teams(tasks, training, field)?;
+    refuse_unsuited(tasks, training, field)
 }
 
 /// Refuses a training that some task does not suit.

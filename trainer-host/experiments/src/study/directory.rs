@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::config::{StudyConfig, multi_task};
 use super::data::{MethodKind, StudyError, StudyManifest};
 use super::job::{JobResult, JobRun, JobState};
-use super::rows::{Job, write_curve, write_episodes};
+use super::rows::{Job, write_boundaries, write_curve, write_episodes};
 use super::{JobId, Study};
 use manifest::Baselines;
 
@@ -239,6 +239,11 @@ impl<'a> StudyDirectory<'a> {
             create(file.parent().unwrap_or(&self.path))?;
         }
         replace_atomically(&curve, |file| write_curve(file, &job, &result.curve))?;
+        if self.study.methods[id.method].procedure.finds_boundaries() {
+            let file = job.boundaries_path(&self.path);
+            create(file.parent().unwrap_or(&self.path))?;
+            replace_atomically(&file, |file| write_boundaries(file, &job, &result.boundaries))?;
+        }
         replace_atomically(&rows, |file| {
             write_episodes(&mut std::io::BufWriter::new(file), &manifest, &job, &result.rows)
         })?;

@@ -37,12 +37,20 @@ pub struct JobRun<'a> {
 struct JobProgress {
     /// Index of the stage in progress; as many as there are stages at the end.
     stage: usize,
+    /// Steps of this stage by learners before the present one, where boundaries are found.
+    earlier_steps: u64,
+    /// Whether the learner has not found yet that this stage has begun.
+    unaware: bool,
+    /// Stages and their steps at which a boundary was found.
+    boundaries: Vec<(usize, u64)>,
     /// Test flights of this stage.
     flights: u64,
     memory: ShippedRegulariser,
     warm_start: Option<WarmStart>,
     /// The policy that is taught, where fresh ones learn.
     keeper: Option<Actor>,
+    /// Parameters of the policies of the stages before.
+    earlier_parameters: usize,
     rows: Vec<EpisodeRow>,
     curve: Vec<CurveRow>,
 }
@@ -91,12 +99,14 @@ pub struct JobResult {
     pub training_bytes: usize,
     /// Parameters of the policy.
     pub parameters: usize,
+    /// Stages, from 1, and their steps at which the method found that the task was another one.
+    pub boundaries: Vec<(usize, u64)>,
 }
 
 impl<'a> JobRun<'a> {
     /// A job before its first update; all policies have flown all tasks once.
     pub fn begin(study: &'a Study, id: JobId) -> Self {
-        let learner = learner(study, id, 0);
+        let learner = learner(study, id, 0, false);
         let actor = learner.actor();
         let critic = match &learner {
             StageLearner::One(trainer) => Some(trainer.critic().clone()),
@@ -109,20 +119,25 @@ impl<'a> JobRun<'a> {
             (Procedure::Distil { coreset, .. }, Some(critic)) => {
                 RegulariserSettings::Coreset(*coreset).begin(Learning { actor: &actor, critic: &critic })
             }
-            (Procedure::Joint | Procedure::Sharing { .. } | Procedure::Experts, _) | (_, None) => {
+            (Procedure::Joint | Procedure::Sharing { .. } | Procedure::Experts { .. }, _) | (_, None) => {
                 ShippedRegulariser::None
             }
         };
         let progress = JobProgress {
             stage: 0,
+            earlier_steps: 0,
+            unaware: false,
+            boundaries: Vec::new(),
             flights: 0,
             memory,
             warm_start: None,
             keeper: None,
+            earlier_parameters: 0,
             rows: Vec::new(),
             curve: Vec::new(),
         };
         let mut run = Self { study, id, learner, progress, ranks: ranks::alone() };
+        run.settle();
         run.judge(0, &actor);
         run
     }
@@ -132,9 +147,10 @@ impl<'a> JobRun<'a> {
     /// # Errors
     /// When it is of another study.
     pub fn restore(study: &'a Study, id: JobId, state: JobState) -> Result<Self, AnalyticError> {
-        let mut fresh = learner(study, id, state.progress.stage);
-        let tasks = stage_tasks(study, id, state.progress.stage);
-        let settings = stage_settings(study, id);
+        let JobProgress { stage, unaware, .. } = state.progress;
+        let mut fresh = learner(study, id, stage, unaware);
+        let tasks = stage_tasks(study, id, stage);
+        let settings = settings_of(study, id, stage, unaware);
         match (&mut fresh, state.learner) {
             (StageLearner::One(trainer), LearnerState::One(saved)) => {
                 *trainer = Learner::restore(&tasks, &settings, *saved)?;
@@ -169,10 +185,8 @@ impl<'a> JobRun<'a> {
 
     /// Environment steps since the job began, as if all stages before had lasted to their end.
     pub fn steps(&self) -> u64 {
-        let stages = self.stages() as u64;
-        let each = self.study.steps_of(self.id) / stages;
-        let finished = self.progress.stage as u64 * each;
-        if self.is_finished() { finished } else { finished + self.learner.steps().min(each) }
+        let finished = (0..self.progress.stage).map(|stage| self.study.stage_steps(self.id, stage)).sum::<u64>();
+        if self.is_finished() { finished } else { finished + self.steps_in_stage().min(self.stage_steps()) }
     }
 
     /// Whether all stages are over.
@@ -186,7 +200,7 @@ impl<'a> JobRun<'a> {
     /// When the job is finished.
     pub fn advance(&mut self) -> Advance {
         assert!(!self.is_finished(), "a finished job has nothing left to do");
-        if self.study.evaluation.skip_solved && self.learner.steps() == 0 {
+        if self.study.evaluation.skip_solved && self.steps_in_stage() == 0 {
             let flown = self.fly();
             if self.is_solved(&flown) {
                 let ended = Some(self.end_stage());
@@ -197,8 +211,11 @@ impl<'a> JobRun<'a> {
             StageLearner::One(trainer) => trainer.update_with(&mut self.progress.memory),
             StageLearner::Many(sharing) => UpdateMetrics::together(&sharing.update()).expect("a study has tasks"),
         };
+        if update.boundary {
+            self.begin_anew();
+        }
         let flown = if self.flight_is_due() { self.fly() } else { Vec::new() };
-        let ends = self.is_solved(&flown) || self.learner.steps() >= self.stage_steps();
+        let ends = self.is_solved(&flown) || self.steps_in_stage() >= self.stage_steps();
         Advance { update, flown, ended: ends.then(|| self.end_stage()) }
     }
 
@@ -238,13 +255,13 @@ impl<'a> JobRun<'a> {
             Procedure::Joint => (0, 0),
             // One policy for each task beside the one that is flown.
             Procedure::Sharing { .. } => (0, 4 * parameters * self.study.orders[self.id.order].len()),
-            Procedure::Experts => {
-                let others = 4 * parameters * (self.study.orders[self.id.order].len() - 1);
+            Procedure::Experts { .. } => {
+                let others = 4 * (self.progress.earlier_parameters - parameters);
                 (others, others)
             }
         };
-        let JobProgress { rows, curve, .. } = self.progress;
-        JobResult { rows, curve, stored_bytes, training_bytes, parameters }
+        let JobProgress { rows, curve, boundaries, .. } = self.progress;
+        JobResult { rows, curve, stored_bytes, training_bytes, parameters, boundaries }
     }
 
     fn procedure(&self) -> &'a Procedure {
@@ -256,17 +273,21 @@ impl<'a> JobRun<'a> {
     }
 
     fn stage_steps(&self) -> u64 {
-        self.study.steps_of(self.id) / self.stages() as u64
+        self.study.stage_steps(self.id, self.progress.stage)
+    }
+
+    fn steps_in_stage(&self) -> u64 {
+        self.progress.earlier_steps + self.learner.steps()
     }
 
     fn flight_is_due(&self) -> bool {
         let due = (self.progress.flights + 1) * self.stage_steps() / self.study.evaluation.flights_per_stage;
-        self.learner.steps() >= due
+        self.steps_in_stage() >= due
     }
 
     /// Flies the tasks of the stage for the curve; the success rate in each.
     fn fly(&mut self) -> Vec<(usize, f64)> {
-        let steps = self.learner.steps();
+        let steps = self.steps_in_stage();
         let evaluation = &self.study.evaluation;
         self.progress.flights = steps * evaluation.flights_per_stage / self.stage_steps();
         let actor = self.learner.actor();
@@ -296,8 +317,12 @@ impl<'a> JobRun<'a> {
         match (&mut self.learner, &study.methods[self.id.method].procedure) {
             (StageLearner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) => {
                 let WarmStartRule { log_std, learner, .. } = *warm_start_rule;
-                trainer.consolidate(&mut self.progress.memory);
-                self.progress.warm_start = Some(trainer.warm_start(log_std, learner));
+                self.progress.warm_start = if self.study.methods[self.id.method].procedure.finds_boundaries() {
+                    Some(trainer.warm_start(CarryOver::CarriedOver, CarryOver::CarriedOver))
+                } else {
+                    trainer.consolidate(&mut self.progress.memory);
+                    Some(trainer.warm_start(log_std, learner))
+                };
             }
             (StageLearner::One(trainer), Procedure::Distil { distillation, .. }) => {
                 let keeper = self.progress.keeper.get_or_insert_with(|| trainer.actor().clone());
@@ -315,11 +340,14 @@ impl<'a> JobRun<'a> {
                 | Procedure::Distil { .. }
                 | Procedure::Joint
                 | Procedure::Sharing { .. }
-                | Procedure::Experts,
+                | Procedure::Experts { .. },
             ) => {}
         }
         let (ended, actor) = (self.progress.stage, self.actor());
+        self.progress.earlier_parameters += actor.parameters().len();
         self.progress.stage += 1;
+        self.progress.earlier_steps = 0;
+        self.progress.unaware = self.procedure().finds_boundaries();
         self.progress.flights = 0;
         self.judge(self.progress.stage, &actor);
         if !self.is_finished() {
@@ -329,7 +357,7 @@ impl<'a> JobRun<'a> {
     }
 
     fn begin_stage(&mut self) {
-        self.learner = learner(self.study, self.id, self.progress.stage);
+        self.learner = learner(self.study, self.id, self.progress.stage, self.progress.unaware);
         self.learner.work_with(&self.ranks).expect("stages differ in their tasks, not in what is dealt");
         let Procedure::Sequential { warm_start_rule, .. } = self.procedure() else { return };
         if let (StageLearner::One(trainer), Some(warm_start), CarryOver::CarriedOver) =
@@ -337,15 +365,42 @@ impl<'a> JobRun<'a> {
         {
             trainer.start_from(warm_start);
         }
+        self.settle();
     }
 
-    /// Flies every task of the study and notes every flight.
+    /// Where nobody tells that a task begins, its drones are on their way already: that they all begin at once would tell.
+    fn settle(&mut self) {
+        if let (true, StageLearner::One(trainer)) = (self.procedure().finds_boundaries(), &mut self.learner) {
+            let task = &stage_tasks(self.study, self.id, self.progress.stage)[0];
+            trainer.settle(u64::from(task.episode_steps()));
+        }
+    }
+
+    /// Learns a task that was found to be another one as the first was learned.
+    fn begin_anew(&mut self) {
+        let steps = self.steps_in_stage();
+        self.progress.boundaries.push((self.progress.stage + 1, steps));
+        if let (StageLearner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) =
+            (&self.learner, self.procedure())
+        {
+            self.progress.warm_start = Some(trainer.warm_start(warm_start_rule.log_std, warm_start_rule.learner));
+        }
+        (self.progress.earlier_steps, self.progress.unaware) = (steps, false);
+        self.begin_stage();
+    }
+
+    /// Flies every task of the study, or, where each has a training of its own and perhaps other eyes, that of the stage before, and
+    /// notes every flight.
     fn judge(&mut self, stage: usize, actor: &Actor) {
         let evaluation = &self.study.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes };
         let mut rows = mem::take(&mut self.progress.rows);
-        for (task, experiment) in self.study.tasks.iter().enumerate() {
-            let scenario = &experiment.evaluation.scenario;
+        let flown = match self.procedure().trains_as_configured() {
+            true => vec![self.study.orders[self.id.order][stage.saturating_sub(1)]],
+            false => (0..self.study.tasks.len()).collect(),
+        };
+        for task in flown {
+            let scenario = &self.study.tasks[task].evaluation.scenario;
             let flights = fly_episodes(scenario, Flyer::Actor(actor), starts);
             rows.extend(flights.iter().enumerate().map(|(episode, flight)| EpisodeRow {
                 stage,
@@ -383,16 +438,16 @@ impl StageLearner {
     }
 }
 
-/// Who learns in a stage, without what it inherits.
-fn learner(study: &Study, id: JobId, stage: usize) -> StageLearner {
-    let (tasks, settings) = (stage_tasks(study, id, stage), stage_settings(study, id));
+/// Who learns in a stage, without what it inherits; `unaware` as in [`JobProgress`].
+fn learner(study: &Study, id: JobId, stage: usize, unaware: bool) -> StageLearner {
+    let (tasks, settings) = (stage_tasks(study, id, stage), settings_of(study, id, stage, unaware));
     let seed = study.seeds[id.seed];
     match study.methods[id.method].procedure {
         Procedure::Sharing { every_updates, merge } => {
             let seeds: Vec<Seed> = (0..tasks.len()).map(|task| stage_seed(seed, task)).collect();
             StageLearner::Many(Box::new(PolicySharing::new(&tasks, &settings.ppo, &seeds, (every_updates, merge))))
         }
-        Procedure::Sequential { .. } | Procedure::Joint | Procedure::Experts | Procedure::Distil { .. } => {
+        Procedure::Sequential { .. } | Procedure::Joint | Procedure::Experts { .. } | Procedure::Distil { .. } => {
             let learner = Learner::begin(&tasks, &settings, stage_seed(seed, stage));
             StageLearner::One(learner.expect("tasks are checked to have the derivatives that are asked for"))
         }
@@ -412,10 +467,16 @@ fn stage_tasks(study: &Study, id: JobId, stage: usize) -> Vec<Scenario> {
     stage_indices(study, id, stage).into_iter().map(|task| study.tasks[task].scenario.clone()).collect()
 }
 
+/// Settings of the learner of a stage.
+fn settings_of(study: &Study, id: JobId, stage: usize, unaware: bool) -> LearnerSettings {
+    let settings = stage_settings(study, id, stage);
+    if unaware { settings.at_the_end() } else { settings }
+}
+
 /// Settings of a stage: where one learner has several tasks, it has a multiple of environment batches and the steps of all.
-fn stage_settings(study: &Study, id: JobId) -> LearnerSettings {
-    let settings = study.training_of(id.method).clone();
+fn stage_settings(study: &Study, id: JobId, stage: usize) -> LearnerSettings {
     let tasks = study.orders[id.order].len();
+    let settings = study.training_at(id, stage.min(tasks - 1)).clone();
     match study.methods[id.method].procedure {
         Procedure::Joint => {
             let rows = batch_rows(stage_tasks(study, id, 0).iter().map(|task| task.agents.count as usize));
@@ -435,7 +496,7 @@ fn stage_settings(study: &Study, id: JobId) -> LearnerSettings {
         }
         Procedure::Sequential { .. }
         | Procedure::Sharing { .. }
-        | Procedure::Experts
+        | Procedure::Experts { .. }
         | Procedure::Distil { .. } => settings,
     }
 }

@@ -40,7 +40,10 @@ pub enum Procedure {
         merge: Merge,
     },
     /// Each by a fresh policy that is kept.
-    Experts,
+    Experts {
+        /// Whether each is trained as its own file says, and sees what that says.
+        own_training: bool,
+    },
     /// One after the other, each by a fresh policy that then teaches the one that is kept.
     Distil {
         /// The states that are kept; their strength is not used.
@@ -68,7 +71,7 @@ impl Procedure {
             Self::Sequential { regulariser: RegulariserSettings::None, .. }
             | Self::Joint
             | Self::Sharing { .. }
-            | Self::Experts => false,
+            | Self::Experts { .. } => false,
             Self::Sequential { .. } | Self::Distil { .. } => true,
         }
     }
@@ -76,7 +79,7 @@ impl Procedure {
     /// Stages in which so many tasks are learned.
     pub fn stages(&self, tasks: usize) -> usize {
         match self {
-            Self::Sequential { .. } | Self::Experts | Self::Distil { .. } => tasks,
+            Self::Sequential { .. } | Self::Experts { .. } | Self::Distil { .. } => tasks,
             Self::Joint | Self::Sharing { .. } => 1,
         }
     }
@@ -88,7 +91,7 @@ impl Procedure {
             Self::Sequential { .. } => "one after the other, with a regulariser",
             Self::Joint => "at once",
             Self::Sharing { .. } => "at once, by policies that are averaged",
-            Self::Experts => "each by a policy of its own",
+            Self::Experts { .. } => "each by a policy of its own",
             Self::Distil { .. } => "one after the other, each taught to the policy that is kept",
         }
     }
@@ -99,7 +102,23 @@ impl Procedure {
             Self::Sequential { .. } | Self::Distil { .. } => MethodKind::Sequential,
             Self::Joint => MethodKind::Joint,
             Self::Sharing { .. } => MethodKind::Averaged,
-            Self::Experts => MethodKind::Experts,
+            Self::Experts { .. } => MethodKind::Experts,
+        }
+    }
+
+    /// Whether nobody tells it when a task ends.
+    pub fn finds_boundaries(&self) -> bool {
+        match self {
+            Self::Sequential { regulariser, .. } => regulariser.finds_boundaries(),
+            Self::Joint | Self::Sharing { .. } | Self::Experts { .. } | Self::Distil { .. } => false,
+        }
+    }
+
+    /// Whether each task is trained as its own file says.
+    pub fn trains_as_configured(&self) -> bool {
+        match self {
+            Self::Experts { own_training } => *own_training,
+            Self::Sequential { .. } | Self::Joint | Self::Sharing { .. } | Self::Distil { .. } => false,
         }
     }
 

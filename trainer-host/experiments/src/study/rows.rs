@@ -69,6 +69,11 @@ impl Job {
         directory.join("curves").join(&self.method).join(self.file())
     }
 
+    /// The file of the boundaries that it found, where nobody tells.
+    pub fn boundaries_path(&self, directory: &Path) -> PathBuf {
+        directory.join("boundaries").join(&self.method).join(self.file())
+    }
+
     /// The folder of its policy, or of its policies by task.
     pub fn policies_path(&self, directory: &Path) -> PathBuf {
         directory.join("policies").join(&self.method).join(format!("{}-{}", self.order, self.seed))
@@ -115,6 +120,18 @@ pub fn write_curve(out: &mut impl Write, job: &Job, rows: &[CurveRow]) -> io::Re
         let Job { method, order, seed } = job;
         let CurveRow { stage, steps, success_rate, episode_return } = row;
         writeln!(out, "{method},{order},{seed},{stage},{steps},{success_rate},{episode_return}")?;
+    }
+    out.flush()
+}
+
+/// Writes the stages, from 1, and their steps at which a job found that its task was another one.
+///
+/// # Errors
+/// What `out` reports.
+pub fn write_boundaries(out: &mut impl Write, job: &Job, found: &[(usize, u64)]) -> io::Result<()> {
+    writeln!(out, "method,order,seed,stage,steps")?;
+    for (stage, steps) in found {
+        writeln!(out, "{},{},{},{stage},{steps}", job.method, job.order, job.seed)?;
     }
     out.flush()
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{AnalyticTrainer, Differentiable};
 use crate::adam::Adam;
 use crate::ppo::{CarryOver, WarmStart};
-use crate::regulariser::{EndedTask, Regulariser, Visited};
+use crate::regulariser::{EndedTask, Flight, Regulariser, Visited};
 
 impl<E: Differentiable> AnalyticTrainer<E> {
     /// Flies the policy once more and lets `regulariser` take in what must not be forgotten of the task that ends.
@@ -18,9 +18,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let (mine, actor) = (self.mine(), &self.actor);
         self.batches[mine].par_iter_mut().for_each(|batch| batch.fly(actor));
         self.differentiate();
-        for step in 0..self.settings.steps_per_window {
-            self.share(|batch| batch.visited_mut(step));
-        }
+        self.share_visited();
         self.sum_gradients();
         let samples = (self.steps_in_update() as f32).max(1.0);
         let gradient: Vec<f32> = self.gradient.iter().map(|sum| -sum / samples).collect();
@@ -32,6 +30,31 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             visited: &visited,
             seed: self.seed,
         })
+    }
+
+    fn share_visited(&mut self) {
+        for step in 0..self.settings.steps_per_window {
+            self.share(|batch| batch.visited_mut(step));
+        }
+    }
+
+    /// Shows a regulariser the window, where it looks for the end of a task; whether it has found one.
+    pub(super) fn show(&mut self, regulariser: &mut impl Regulariser) -> bool {
+        if !regulariser.watches() {
+            return false;
+        }
+        self.share_visited();
+        let visited: Vec<Visited<'_>> = self.batches.iter().map(super::Batch::visited).collect();
+        regulariser.watch(&Flight { actor: &self.actor, visited: &visited, seed: self.seed })
+    }
+
+    /// Flies for so many steps without learning, so that environments are at different moments of their episodes; of episodes that end
+    /// nothing is reported.
+    pub fn settle(&mut self, steps: u64) {
+        for _ in 0..steps.div_ceil(self.settings.steps_per_window as u64) {
+            self.fly();
+        }
+        self.take_episodes();
     }
 
     /// Begins with a policy, and what else is kept, of an earlier task.

@@ -4,7 +4,7 @@ use crate::pendulum::{Pendulum, SwingUp};
 use crate::ppo::CarryOver;
 use crate::ranks::threads::run_as;
 use crate::regulariser::{
-    CompactCoresetSettings, CoresetSettings, RegulariserSettings, ShippedRegulariser, Strength,
+    Boundaries, CompactCoresetSettings, CoresetSettings, RegulariserSettings, ShippedRegulariser, Strength,
 };
 
 fn settings() -> AnalyticSettings {
@@ -158,7 +158,7 @@ fn what_is_kept_of_a_task_holds_the_policy() {
 }
 
 fn compact(bytes: usize) -> CompactCoresetSettings {
-    CompactCoresetSettings { bytes, strength: Strength::Fixed(100.0) }
+    CompactCoresetSettings { bytes, strength: Strength::Fixed(100.0), boundaries: Boundaries::Told }
 }
 
 #[test]

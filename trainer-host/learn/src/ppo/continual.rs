@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Actor, Critic, Trainer};
 use crate::adam::Adam;
 use crate::environment::Environment;
-use crate::regulariser::{EndedTask, Regulariser, Visited};
+use crate::regulariser::{EndedTask, Flight, Regulariser, Visited};
 
 /// Whether something of an earlier task is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -85,6 +85,24 @@ impl<E: Environment> Trainer<E> {
             visited: &visited,
             seed: self.seed,
         })
+    }
+
+    /// Shows a regulariser the rollout, where it looks for the end of a task; whether it has found one.
+    pub(super) fn show(&self, regulariser: &mut impl Regulariser) -> bool {
+        if !regulariser.watches() {
+            return false;
+        }
+        let visited: Vec<Visited<'_>> = self.env_batches.iter().map(|batch| batch.rollout().visited()).collect();
+        regulariser.watch(&Flight { actor: &self.actor, visited: &visited, seed: self.seed })
+    }
+
+    /// Flies for so many steps without learning, so that environments are at different moments of their episodes; of episodes that end
+    /// nothing is reported.
+    pub fn settle(&mut self, steps: u64) {
+        for _ in 0..steps.div_ceil(self.settings.steps_per_rollout as u64) {
+            self.collect();
+        }
+        self.take_episodes();
     }
 
     /// Begins with a policy, and what else is kept, of an earlier task.

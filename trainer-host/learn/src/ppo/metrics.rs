@@ -11,6 +11,8 @@ pub struct UpdateMetrics {
     pub steps: u64,
     /// Updates since the start of training.
     pub updates: u64,
+    /// Whether the rollout was of another task than the one before, where a regulariser looks for that.
+    pub boundary: bool,
     /// Negative clipped surrogate, mean over all minibatches; by gradients through the environment the negative mean
     /// reward of a step.
     pub policy_loss: f32,
@@ -73,6 +75,7 @@ impl UpdateMetrics {
         Some(Self {
             steps: learners.iter().map(|learner| learner.steps).sum(),
             updates: learners.first()?.updates,
+            boundary: learners.iter().any(|each| each.boundary),
             policy_loss: mean(|learner| learner.policy_loss),
             value_loss: mean(|learner| learner.value_loss),
             entropy: mean(|learner| learner.entropy),

@@ -10,6 +10,9 @@
 //! A policy with a memory is asked what it does, and what it then remembers, after one step from an observation and a hidden
 //! state: what holds for every step holds for a flight.
 //!
+//! Where no end of a task is told, every rollout leaves a few states behind, in place of those of the rollout before: these are kept when
+//! the next rollout is of another world ([`Boundaries`]). The policy that flew that one is the policy that ended the task.
+//!
 //! The strength is the multiplier of a constraint: that the mean divergence in these states stays within a budget. It
 //! rises while the policy is outside and falls while it is inside, minibatch after minibatch, so that nothing has to be
 //! tuned to a task.
@@ -19,8 +22,9 @@ use kestrel_core::seed::{Purpose, Seed, Stream};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::boundary::{Boundaries, Observed};
 use super::coreset::{draw_states, imitate};
-use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, Strength};
+use super::{EndedTask, Flight, Learning, REFERENCE_STD, Regulariser, Strength};
 use crate::actor_critic::{Actor, Gradient};
 use crate::gru::{Gru, GruWorkspace};
 use crate::network::Workspace;
@@ -51,6 +55,9 @@ pub struct CompactCoresetSettings {
     /// Factor on the mean divergence \[nat\] over the states: fixed, or as much as keeps that divergence within a budget.
     #[serde(default = "budget")]
     pub strength: Strength,
+    /// Who says that a task has ended.
+    #[serde(default)]
+    pub boundaries: Boundaries,
 }
 
 const fn sixteen_kilobytes() -> usize {
@@ -82,6 +89,18 @@ pub struct CompactCoreset {
     /// What the draws follow from: the seed of the newest task, and how often the penalty was computed since.
     seed: Seed,
     penalties: u32,
+    /// The rollout before, where nobody tells when a task has ended.
+    last: Option<LastRollout>,
+}
+
+/// What is known of a rollout that may have been the last of its task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct LastRollout {
+    observed: Observed,
+    /// Lowest and highest of each number of its states.
+    ranges: Vec<[f32; 2]>,
+    /// Its states, each [`CompactCoreset::state_bytes`] of codes.
+    states: Vec<u8>,
 }
 
 impl CompactCoreset {
@@ -94,6 +113,7 @@ impl CompactCoreset {
             strength: FIRST_STRENGTH,
             seed: Seed(0),
             penalties: 0,
+            last: None,
         }
     }
 
@@ -146,14 +166,28 @@ impl CompactCoreset {
         codes(state).zip(&self.ranges).map(|(code, range)| decode(code, *range))
     }
 
+    /// States that another task may have.
+    fn share(&self) -> usize {
+        let states = self.settings.bytes.saturating_sub(self.overhead()) / self.state_bytes();
+        (states / (self.tasks.len() + 1)).max(1)
+    }
+
+    /// Keeps the states of a task whose last policy `flight` has.
+    fn keep(&mut self, newest: &[Vec<f32>], flight: &Flight<'_>) {
+        let kept = self.share() * self.state_bytes();
+        self.tasks.iter_mut().for_each(|states| states.truncate(kept));
+        self.widen(newest);
+        self.tasks.push(newest.iter().flat_map(|state| packed(state, &self.ranges)).collect());
+        let (network, front) = self.center.split_at_mut(flight.actor.mlp().parameter_count());
+        network.copy_from_slice(&flight.actor.parameters()[..network.len()]);
+        front.copy_from_slice(flight.actor.front_parameters());
+        (self.strength, self.seed, self.penalties) = (FIRST_STRENGTH, flight.seed, 0);
+    }
+
     /// Ranges that hold these observations as well; what is stored keeps its places as nearly as they can say.
     fn widen(&mut self, states: &[Vec<f32>]) {
         let former = self.ranges.clone();
-        for state in states {
-            for ([low, high], value) in self.ranges.iter_mut().zip(state) {
-                (*low, *high) = (low.min(*value), high.max(*value));
-            }
-        }
+        widen(&mut self.ranges, states);
         let (bytes, ranges) = (self.state_bytes(), &self.ranges);
         for state in self.tasks.iter_mut().flat_map(|states| states.chunks_exact_mut(bytes)) {
             let values: Vec<f32> = codes(state).zip(&former).map(|(code, range)| decode(code, *range)).collect();
@@ -167,9 +201,11 @@ impl Regulariser for CompactCoreset {
         self.tasks.iter().map(Vec::len).sum::<usize>() + self.overhead()
     }
 
-    /// With the copy of the policy that began the task.
+    /// With the copy of the policy that began the task, and what is known of the rollout before.
     fn training_bytes(&self) -> usize {
-        self.stored_bytes() + 4 * (self.center.len() + self.width() * COLUMNS)
+        let last =
+            self.last.as_ref().map_or(0, |last| last.states.len() + 8 * last.ranges.len() + last.observed.bytes());
+        self.stored_bytes() + 4 * (self.center.len() + self.width() * COLUMNS) + last
     }
 
     /// Gradient of `strength · mean ½ ‖μ − μ_c‖² / σ²` at the reference spread; what is remembered counts as much as what is
@@ -198,19 +234,37 @@ impl Regulariser for CompactCoreset {
     }
 
     fn consolidate(&mut self, ended: &EndedTask<'_>) {
-        let bytes = self.state_bytes();
-        let states = self.settings.bytes.saturating_sub(self.overhead()) / bytes;
-        let share = (states / (self.tasks.len() + 1)).max(1);
-        for states in &mut self.tasks {
-            states.truncate(share * bytes);
+        let flight = ended.flight();
+        self.keep(&draw_states(&flight, self.share()), &flight);
+    }
+
+    fn watches(&self) -> bool {
+        self.settings.boundaries == Boundaries::Found
+    }
+
+    fn watch(&mut self, flight: &Flight<'_>) -> bool {
+        let observed = Observed::of(flight.visited, self.width());
+        let ended = self.last.take().filter(|last| observed.differs_from(&last.observed));
+        if let Some(LastRollout { ranges, states, .. }) = &ended {
+            let decoded = |state| codes(state).zip(ranges).map(|(code, range)| decode(code, *range)).collect();
+            let newest: Vec<Vec<f32>> = states.chunks_exact(self.state_bytes()).map(decoded).collect();
+            self.keep(&newest, flight);
         }
-        let newest = draw_states(ended, share);
-        self.widen(&newest);
-        self.tasks.push(newest.iter().flat_map(|state| packed(state, &self.ranges)).collect());
-        let (network, front) = self.center.split_at_mut(ended.actor.mlp().parameter_count());
-        network.copy_from_slice(&ended.actor.parameters()[..network.len()]);
-        front.copy_from_slice(ended.actor.front_parameters());
-        (self.strength, self.seed, self.penalties) = (FIRST_STRENGTH, ended.seed, 0);
+        let newest = draw_states(flight, self.share());
+        let mut ranges = vec![[f32::INFINITY, f32::NEG_INFINITY]; self.width()];
+        widen(&mut ranges, &newest);
+        let states = newest.iter().flat_map(|state| packed(state, &ranges)).collect();
+        self.last = Some(LastRollout { observed, ranges, states });
+        ended.is_some()
+    }
+}
+
+/// Makes ranges hold these states as well, number by number.
+fn widen(ranges: &mut [[f32; 2]], states: &[Vec<f32>]) {
+    for state in states {
+        for ([low, high], value) in ranges.iter_mut().zip(state) {
+            (*low, *high) = (low.min(*value), high.max(*value));
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use kestrel_core::seed::{Purpose, Stream};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, STRENGTH, Visited, check_number};
+use super::{EndedTask, Flight, Learning, REFERENCE_STD, Regulariser, STRENGTH, Visited, check_number};
 use crate::actor_critic::{Actor, Gradient};
 use crate::network::{InputBatch, Workspace};
 use crate::rollout::ENV_BATCH;
@@ -85,16 +85,17 @@ impl Regulariser for Coreset {
         for states in &mut self.tasks {
             states.truncate(share);
         }
-        self.tasks.push(draw_states(ended, share));
+        self.tasks.push(draw_states(&ended.flight(), share));
     }
 }
 
 /// Random states of the flight: each an observation, what a memory held before, then the mean action.
-pub(super) fn draw_states(ended: &EndedTask<'_>, count: usize) -> Vec<Vec<f32>> {
-    let (inputs, actor) = (ended.actor.mlp().inputs(), ended.actor);
-    let mut stream = Stream::new(ended.seed, 0, Purpose::Coreset);
+pub(super) fn draw_states(flight: &Flight<'_>, count: usize) -> Vec<Vec<f32>> {
+    let Flight { actor, visited, seed } = *flight;
+    let inputs = actor.mlp().inputs();
+    let mut stream = Stream::new(seed, 0, Purpose::Coreset);
     let mut draw = || {
-        let Visited { columns, slices } = &ended.visited[stream.below(ended.visited.len() as u32) as usize];
+        let Visited { columns, slices } = &visited[stream.below(visited.len() as u32) as usize];
         let slice = slices[stream.below(slices.len() as u32) as usize];
         let column = stream.below(*columns as u32) as usize;
         let observation = slice.chunks_exact(*columns).take(inputs).map(|row| row[column]);

@@ -25,7 +25,7 @@ pub struct DistillationSettings {
 
 /// Teaches `keeper` what the policy of an `ended` task does there, without forgetting the states of `coreset`.
 pub fn distil(keeper: &mut Actor, ended: &EndedTask<'_>, coreset: &Coreset, settings: &DistillationSettings) {
-    let batches = draw_states(ended, LESSONS);
+    let batches = draw_states(&ended.flight(), LESSONS);
     let memories: Vec<&[f32]> = coreset.states().map(Vec::as_slice).collect();
     let mut adam = Adam::new(keeper.parameters().len());
     let mut gradient = vec![0.0; keeper.parameters().len()];

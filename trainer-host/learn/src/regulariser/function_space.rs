@@ -138,7 +138,7 @@ impl Regulariser for FunctionSpace {
         let mut stream = Stream::new(ended.seed, 0, Purpose::Rehearsal);
         let newest = SAMPLES / (self.tasks as usize + 1);
         let mut samples: Vec<f32> = Vec::with_capacity(SAMPLES * self.inputs);
-        for state in draw_states(ended, newest) {
+        for state in draw_states(&ended.flight(), newest) {
             samples.extend_from_slice(&state[..self.inputs]);
         }
         if let Some(states) = &self.states {

@@ -81,7 +81,7 @@ fn every_kind() -> Vec<RegulariserSettings> {
 }
 
 fn compact(bytes: usize, strength: Strength) -> RegulariserSettings {
-    RegulariserSettings::CompactCoreset(CompactCoresetSettings { bytes, strength })
+    RegulariserSettings::CompactCoreset(CompactCoresetSettings { bytes, strength, boundaries: Boundaries::Told })
 }
 
 #[test]
@@ -384,4 +384,36 @@ fn the_strength_rises_until_the_policy_is_within_its_budget_and_falls_there() {
     assert!(far > 5.0, "{far} outside of the budget");
     let near = after(&actor);
     assert!(near < 0.2 * far, "{near} within it");
+}
+
+/// Where nobody tells, the states of the rollout before are kept once a rollout is of another world, for the policy that flew this one.
+#[test]
+fn a_compact_set_that_is_told_nothing_keeps_what_the_rollout_before_another_world_has_seen() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let other = Rollout::of_observations(
+        rollout.visited().slices.concat().iter().map(|value| value + 1.0).collect(),
+        INPUTS,
+        OUTPUTS,
+    );
+    let settings = |boundaries| {
+        let settings = CompactCoresetSettings { bytes: 4096, strength: Strength::Fixed(1.0), boundaries };
+        RegulariserSettings::CompactCoreset(settings)
+    };
+    assert!(settings(Boundaries::Found).finds_boundaries() && !settings(Boundaries::Told).finds_boundaries());
+    let begin = |boundaries| settings(boundaries).begin(Learning { actor: &actor, critic: &critic });
+    let (mut told, mut found) = (begin(Boundaries::Told), begin(Boundaries::Found));
+    assert!(found.watches() && !told.watches());
+    let mut sees = |rollout: &Rollout, actor: &Actor| {
+        let visited = [rollout.visited()];
+        found.watch(&Flight { actor, visited: &visited, seed: Seed(3) })
+    };
+    let last = moved(&actor, 0.1, 1);
+    assert_eq!([sees(&rollout, &actor), sees(&rollout, &last), sees(&other, &last)], [false, false, true]);
+    end(&mut told, &last, &critic, &rollout);
+    assert_eq!(found.stored_bytes(), told.stored_bytes());
+    assert!(found.training_bytes() > told.training_bytes());
+    let moved = moved(&last, 0.1, 2);
+    let (told, found) = (penalty(&mut told, &moved, &critic), penalty(&mut found, &moved, &critic));
+    assert_eq!(told, found, "the same states, codes once packed are packed to the same");
+    assert!(told.iter().any(|value| *value != 0.0));
 }

@@ -47,6 +47,13 @@ pub enum Expected {
     /// The mean success is not shown to be above that of this method: the interval of their difference reaches zero or
     /// lies below it.
     NotAbove(String),
+    /// The mean success is not inferior to that of a method: the interval of their difference lies above minus the margin.
+    NotInferior {
+        /// Name of the method.
+        to: String,
+        /// By how many points it may be lower.
+        margin_points: f64,
+    },
     /// Its stages take fewer steps until the threshold than those of this method, all tasks together, a stage that never
     /// gets there counted with its whole budget: the interval of their ratio is above one.
     FewerStepsThan(String),
@@ -59,9 +66,10 @@ impl Claim {
     pub fn methods(&self) -> impl Iterator<Item = &str> {
         let other = match &self.expected {
             Expected::AtLeast(_) | Expected::MoreThanDoingNothing => None,
-            Expected::Above(other) | Expected::NotAbove(other) | Expected::FewerStepsThan(other) => {
-                Some(other.as_str())
-            }
+            Expected::Above(other)
+            | Expected::NotAbove(other)
+            | Expected::FewerStepsThan(other)
+            | Expected::NotInferior { to: other, .. } => Some(other.as_str()),
         };
         [self.method.as_str()].into_iter().chain(other)
     }
@@ -79,6 +87,11 @@ impl Claim {
             }
             Expected::Above(other) => known(other, &expected.at("above")),
             Expected::NotAbove(other) => known(other, &expected.at("not_above")),
+            Expected::NotInferior { to, margin_points } => {
+                let field = expected.at("not_inferior");
+                known(to, &field.at("to"))?;
+                field.at("margin_points").number(*margin_points, &Limits::above(0.0, 100.0, "")).map(drop)
+            }
             Expected::FewerStepsThan(other) => known(other, &expected.at("fewer_steps_than")),
             Expected::MoreThanDoingNothing => Ok(()),
         }?;

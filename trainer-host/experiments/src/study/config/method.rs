@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::teams;
-use crate::experiment_config::{Experiment, TrainingConfig};
+use crate::experiment_config::{Experiment, TrainingConfig, is_false};
 use crate::study::procedure::{Method, Procedure, WarmStartRule};
 use crate::study::sharing::{LogStds, Merge, Optimisers, Rows};
 use kestrel_learn::ppo::CarryOver;
@@ -38,7 +38,7 @@ pub enum ProcedureConfig {
     /// Each by a policy of its own; the policies are averaged now and then (what the thesis calls MAPPO).
     Sharing(SharingConfig),
     /// Each by a fresh policy that is kept: memory grows with the number of tasks.
-    Experts {},
+    Experts(ExpertsConfig),
     /// One after the other, each by a fresh policy that then teaches the one that is kept.
     Distil(DistilConfig),
 }
@@ -67,6 +67,16 @@ impl Default for SequentialConfig {
             learner: CarryOver::Reinitialised,
         }
     }
+}
+
+/// A policy of its own for each task.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExpertsConfig {
+    /// Whether each task is trained as its own file says, instead of as the study says. Where all methods are such, tasks may differ in
+    /// what they see and command.
+    #[serde(skip_serializing_if = "is_false")]
+    pub own_training: bool,
 }
 
 /// A fresh policy for each task, which then teaches the one that is kept.
@@ -151,13 +161,12 @@ impl MethodConfig {
     /// When a number is out of range, or training settings do not fit together.
     pub(super) fn check(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Method, ConfigError> {
         let check = |training: &TrainingConfig| training.for_teams(teams(tasks)).check(&field.at("training"));
-        let training = self.training.as_ref().map(check);
-        Ok(Method {
-            name: self.name.clone(),
-            about: self.about.clone(),
-            procedure: self.learn.check(&field.at("learn"), tasks.len())?,
-            training: training.transpose()?,
-        })
+        let training = self.training.as_ref().map(check).transpose()?;
+        let procedure = self.learn.check(&field.at("learn"), tasks.len())?;
+        if training.is_some() && procedure.trains_as_configured() {
+            return Err(field.reject("`training` beside `own_training`", "one of them"));
+        }
+        Ok(Method { name: self.name.clone(), about: self.about.clone(), procedure, training })
     }
 }
 
@@ -167,7 +176,9 @@ impl ProcedureConfig {
         match self {
             Self::Sequential(config) => config.check(&field.at("sequential")),
             Self::Joint {} => Ok(Procedure::Joint),
-            Self::Experts {} => Ok(Procedure::Experts),
+            Self::Experts(ExpertsConfig { own_training }) => {
+                Ok(Procedure::Experts { own_training: *own_training })
+            }
             Self::Sharing(config) => config.check(&field.at("sharing"), tasks),
             Self::Distil(config) => {
                 let field = field.at("distil");

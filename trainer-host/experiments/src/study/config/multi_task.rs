@@ -12,14 +12,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     ExperimentConfig, MethodConfig, ProcedureConfig, StudyConfig, StudyEvaluationConfig, TrainingConfig, VERSION,
-    check_name, check_tasks, refuse_lost_images, refuse_lost_memory, refuse_other_teams, refuse_unshared,
-    refuse_unsuited, teams,
+    check_name, check_tasks, refuse_few_drones, refuse_lost_images, refuse_lost_memory, refuse_other_layouts,
+    refuse_unfit, refuse_unshared, teams,
 };
 use crate::config_file::ConfigFile;
 use crate::experiment_config::NAME_LIMIT;
 use crate::run_config::RunConfig;
+use crate::study::data::MethodKind;
 use crate::study::job::stage_seed;
-use crate::study::procedure::{Method, Procedure};
+use crate::study::procedure::Method;
 use crate::study::{JobId, Study};
 
 /// Name of the only method.
@@ -106,10 +107,14 @@ pub(crate) fn of_job(study: &Study, id: JobId) -> Result<RunConfig, ConfigError>
 pub(crate) fn expert_of_job(study: &Study, id: JobId, stage: usize) -> Result<RunConfig, ConfigError> {
     let config = written(study)?;
     let method = &config.methods[id.method];
-    let training = method.training.as_ref().unwrap_or(&config.training);
+    let task = &config.tasks[study.orders[id.order][stage]];
+    let training = match study.methods[id.method].procedure.trains_as_configured() {
+        true => &task.training,
+        false => method.training.as_ref().unwrap_or(&config.training),
+    };
     let expert = ExperimentConfig {
         training: TrainingConfig { seed: stage_seed(study.seeds[id.seed], stage).0, ..training.clone() },
-        ..config.tasks[study.orders[id.order][stage]].clone()
+        ..task.clone()
     };
     let document = Document::parse("config.yaml", &expert.resolved())?;
     Ok(RunConfig::One(Box::new(expert.check(&document.root())?)))
@@ -130,17 +135,18 @@ impl MultiTaskConfig {
         let evaluation = self.evaluation.check(&root.at("evaluation"))?;
         let judged = self.judged_alike();
         let tasks = check_tasks(&judged.tasks, &root.at(TASKS))?;
+        refuse_other_layouts(&tasks, &root.at(TASKS))?;
         let field = root.at("training");
         let filled = self.training.for_teams(teams(&tasks));
         let training = filled.check(&field)?;
-        refuse_other_teams(&tasks, &training, &field)?;
-        refuse_unsuited(&tasks, &training, &field)?;
+        refuse_unfit(&tasks, &training, &field)?;
         let learn = root.at("learn");
         let procedure = self.learn.check(&learn, tasks.len())?;
         refuse_lost_images(&tasks, &procedure, &learn)?;
         refuse_lost_memory(&training, &procedure, &learn)?;
         refuse_unshared(&training, &procedure, &learn)?;
-        if procedure == Procedure::Experts {
+        refuse_few_drones(&training, &procedure, &learn)?;
+        if procedure.kind() == MethodKind::Experts {
             let expected = "a way to one policy; `kestrel train` each of the tasks, or run a study";
             return Err(learn.refuse("experts", expected));
         }

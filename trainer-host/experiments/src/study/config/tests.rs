@@ -90,6 +90,33 @@ fn methods_that_keep_states_are_refused_where_policies_see() {
 }
 
 #[test]
+fn only_experts_of_their_own_training_may_see_other_things() {
+    let other = "tasks.1.scenario.observation={pilot: {position_scale_m: 3}}";
+    let own = "{name: own, learn: {experts: {own_training: true}}}";
+    assert!(study(MINIMAL, &[other, &format!("methods=[{own}]")]).is_ok());
+    let refused = |methods: &str, expected: &str| {
+        let error = study(MINIMAL, &[other, methods]).map(drop).expect_err(methods).to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    refused("methods=[{name: a, learn: {experts: {}}}]", "found another observation, expected the observation of");
+    refused(&format!("methods=[{own}, {{name: a, learn: {{joint: {{}}}}}}]"), "one policy flies them all");
+    let with_training = "methods=[{name: a, learn: {experts: {own_training: true}}, training: {}}]";
+    refused(with_training, "found `training` beside `own_training`");
+    let memory = "tasks.1.training={memory: {units: 4}, analytic: {environments: 128, steps_per_window: 8, total_steps: 5}}";
+    let error = study(MINIMAL, &[&format!("methods=[{own}]"), memory]).map(drop).expect_err(memory).to_string();
+    assert!(error.contains("tasks.1.training"), "{error}");
+}
+
+#[test]
+fn boundaries_are_not_to_be_found_by_gradients() {
+    let found = "methods.0.learn={sequential: {consolidator: {compact_coreset: {boundaries: found}}}}";
+    assert!(study(MINIMAL, &[found]).is_ok());
+    let analytic = "training.analytic={environments: 128, steps_per_window: 8}";
+    let error = study(MINIMAL, &[found, analytic]).map(drop).expect_err("too few drones").to_string();
+    assert!(error.contains("found `boundaries: found` beside `analytic`, expected PPO"), "{error}");
+}
+
+#[test]
 fn the_schema_is_the_one_in_the_repository() {
     assert_golden("configs/studies/schema.json", &schema());
 }

@@ -30,7 +30,7 @@ pub struct StudyManifest {
     pub methods: Vec<Method>,
     /// One run per method, order and seed.
     pub seeds: Vec<u64>,
-    /// Environment steps of training per task.
+    /// Environment steps of training per task, at most.
     pub steps_per_stage: u64,
     /// What trivial pilots achieve.
     pub baselines: Vec<Baseline>,

@@ -32,7 +32,7 @@ pub(super) fn of(study: &Study, known: Option<StudyManifest>, baselines: Baselin
         orders: study.orders.clone(),
         methods: study.methods.iter().map(|each| method(each, known.as_ref())).collect(),
         seeds: study.seeds.iter().map(|seed| seed.0).collect(),
-        steps_per_stage: study.training.total_steps(),
+        steps_per_stage: study.most_steps(),
         success_threshold: study.evaluation.stop_at_success.unwrap_or(SUCCESS_THRESHOLD),
         published: study.published.as_ref().map(published),
         claims: study.claims.clone(),

@@ -167,6 +167,48 @@ fn every_stage_leaves_flights_of_every_task_and_its_share_of_the_curve() {
     assert_eq!(curve, [(1, 4096), (1, 8192), (2, 4096), (2, 8192)]);
 }
 
+/// Two tasks that no one policy flies, each with a training of its own.
+const OWN: [&str; 4] = [
+    "methods=[{name: own, learn: {experts: {own_training: true}}}]",
+    "tasks.0.training={environments: 256, steps_per_rollout: 16, minibatch: 1024, total_steps: 12288, epochs: 1, \
+     actor_hidden: [8], critic_hidden: [8]}",
+    "tasks.1.training={actor_hidden: [16], memory: {units: 4}, analytic: {environments: 128, steps_per_window: 8, \
+     total_steps: 2048}}",
+    "tasks.1.scenario.observation={pilot: {position_scale_m: 3}}",
+];
+
+#[test]
+fn tasks_of_other_layouts_are_trained_as_their_files_say() {
+    let study = tiny(&OWN);
+    assert_eq!((study.steps_of(JOB), study.most_steps()), (12288 + 2048, 12288));
+    let whole = on_threads(1, || uninterrupted(&study));
+    assert!(on_threads(3, || interrupted(&study)) == whole);
+    let ends: Vec<(usize, u64)> = whole.curve.iter().map(|row| (row.stage, row.steps)).collect();
+    assert_eq!(ends, [(1, 8192), (1, 12288), (2, 1024), (2, 2048)]);
+    let flown: std::collections::BTreeSet<(usize, usize)> =
+        whole.rows.iter().map(|row| (row.stage, row.task)).collect();
+    assert_eq!(flown.into_iter().collect::<Vec<_>>(), [(0, 0), (1, 0), (2, 1)], "each flies its own task");
+    let beside = whole.stored_bytes / 4;
+    assert!(beside > 100 && beside != whole.parameters, "the other policy has another shape: {beside}");
+}
+
+/// A second task whose drones begin two metres away.
+const ELSEWHERE: &str = "tasks.1.scenario.start.position={within: {low_m: [2, 2, 1], high_m: [3, 3, 2]}}";
+
+#[test]
+fn a_boundary_that_nobody_tells_is_found_in_the_first_rollout_behind_it() {
+    const FOUND: &str = "sequential: {consolidator: {compact_coreset: {bytes: 4096, boundaries: found}}}";
+    let study = learning(FOUND, &[ELSEWHERE]);
+    let whole = on_threads(1, || uninterrupted(&study));
+    assert!(on_threads(3, || interrupted(&study)) == whole);
+    assert_eq!(whole.boundaries, [(2, 4096)]);
+    assert!(whole.stored_bytes.abs_diff(4096) < 100, "one task's states fill the set: {}", whole.stored_bytes);
+    let steps: Vec<(usize, u64)> = whole.curve.iter().map(|row| (row.stage, row.steps)).collect();
+    assert_eq!(steps, [(1, 4096), (1, 8192), (2, 4096), (2, 8192)]);
+    // The same task again is no other one.
+    assert_eq!(uninterrupted(&learning(FOUND, &[])).boundaries, []);
+}
+
 #[test]
 fn orders_of_different_length_train_what_they_name() {
     let study = learning("sequential: {}", &["orders={these: [[high]]}"]);

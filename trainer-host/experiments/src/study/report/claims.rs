@@ -74,6 +74,11 @@ impl Findings<'_> {
                 });
                 (found, "not above 0".to_owned(), verdict)
             }
+            Expected::NotInferior { to, margin_points } => {
+                let (found, estimate) = self.compared(&claim.method, to);
+                let verdict = estimate.map(|estimate| verdict(estimate, -margin_points / 100.0));
+                (found, format!("above −{margin_points}"), verdict)
+            }
             Expected::FewerStepsThan(other) => {
                 let cost = self.cost(&claim.method, other);
                 let found =

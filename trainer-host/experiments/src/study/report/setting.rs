@@ -122,7 +122,7 @@ pub(super) fn procedure(data: &StudyData) -> String {
         orders => format!("* {} orders: {}.\n", orders.len(), orders.join("; ")),
     };
     format!(
-        "## Procedure\n\n{orders}* {} seed{}: {}.\n* {} environment steps of training per task.\n* {}\n* {} of {} jobs are \
+        "## Procedure\n\n{orders}* {} seed{}: {}.\n* {} environment steps of training per task, at most.\n* {}\n* {} of {} jobs are \
          finished.\n",
         manifest.seeds.len(),
         if manifest.seeds.len() == 1 { "" } else { "s" },

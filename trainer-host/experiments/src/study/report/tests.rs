@@ -314,6 +314,8 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
         claim("anchor", Measure::MeanSuccess, Expected::Above(names("none"))),
         claim("none", Measure::MeanSuccess, Expected::Above(names("anchor"))),
         claim("none", Measure::MeanSuccess, Expected::NotAbove(names("anchor"))),
+        claim("anchor", Measure::MeanSuccess, Expected::NotInferior { to: names("none"), margin_points: 3.0 }),
+        claim("none", Measure::MeanSuccess, Expected::NotInferior { to: names("anchor"), margin_points: 3.0 }),
         claim("anchor", Measure::OfExperts, Expected::AtLeast(0.85)),
         claim("anchor", Measure::Plasticity, Expected::AtLeast(0.99)),
     ];
@@ -321,18 +323,19 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
     let section = text.split("## Claims\n").nth(1).unwrap().split("\n## ").next().unwrap();
     let verdicts: Vec<&str> = section
         .lines()
-        .filter(|line| line.contains("At") || line.contains("Above"))
+        .filter(|line| ["At", "Above", "Inferior"].iter().any(|word| line.contains(word)))
         .map(|line| line.trim_end_matches(" |").rsplit(" | ").next().unwrap())
         .collect();
     let [holds, fails, open] = ["**holds**", "**fails**", "open"];
-    assert_eq!(verdicts, [holds, fails, open, holds, fails, holds, holds, fails], "{section}");
+    assert_eq!(verdicts, [holds, fails, open, holds, fails, holds, holds, fails, holds, fails], "{section}");
 
     let data = StudyData::load(directory.path()).unwrap();
     let text = page(&[data.clone(), data.clone()], None).text();
     assert_eq!(text.matches("\n## rooms\n").count(), 2);
     assert_eq!(text.matches("\n### Claims\n").count(), 2);
     let listed: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("| [rooms](#rooms) ")).collect();
-    let rows = || section.lines().filter(|line| line.contains("At") || line.contains("Above"));
+    let rows =
+        || section.lines().filter(|line| ["At", "Above", "Inferior"].iter().any(|word| line.contains(word)));
     assert_eq!(listed, rows().chain(rows()).collect::<Vec<_>>());
     assert!(!text.contains("incomplete") && !text.contains(".svg)"), "{text}");
 

@@ -83,8 +83,10 @@ fn more_seeds_add_rows_and_leave_those_that_are_there() {
 #[test]
 fn any_number_of_ranks_leaves_the_same_study() {
     let methods = "methods=[{name: plain, learn: {sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}}}, \
-                   {name: joint, learn: {sharing: {every_updates: 1}}}]";
-    let study = tiny(&[methods, "training.environments=1024", "training.total_steps=65536"]);
+                   {name: joint, learn: {sharing: {every_updates: 1}}}, \
+                   {name: found, learn: {sequential: {consolidator: {compact_coreset: {bytes: 4096, boundaries: found}}}}}]";
+    let elsewhere = "tasks.1.scenario.start.position={within: {low_m: [2, 2, 1], high_m: [3, 3, 2]}}";
+    let study = tiny(&[methods, elsewhere, "training.environments=1024", "training.total_steps=65536"]);
     let place = tempfile::tempdir().unwrap();
     let path = |size: usize| place.path().join(size.to_string());
     finish(&study, &path(1), 2);
@@ -105,6 +107,29 @@ fn any_number_of_ranks_leaves_the_same_study() {
             ranks::end(&ranks);
         });
         assert_eq!(found(&path(size)), found(&path(1)), "{size} ranks");
+    }
+}
+
+#[test]
+fn experts_that_are_trained_as_their_files_say_can_be_trained_so_again() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[
+        "methods=[{name: own, learn: {experts: {own_training: true}}}]",
+        "tasks.0.training={environments: 256, steps_per_rollout: 16, minibatch: 1024, total_steps: 4096, epochs: 1, \
+         actor_hidden: [8], critic_hidden: [8]}",
+        "tasks.1.training={environments: 256, steps_per_rollout: 16, minibatch: 1024, total_steps: 8192, epochs: 1, \
+         actor_hidden: [16], critic_hidden: [8]}",
+        "tasks.1.scenario.observation={pilot: {position_scale_m: 3}}",
+    ]);
+    finish(&study, place.path(), 2);
+    assert_eq!(StudyData::load(place.path()).unwrap().missing, []);
+    for (task, hidden) in [("low", 8), ("high", 16)] {
+        let kept = RunDirectory::open(&place.path().join("policies/own/0-0").join(task)).unwrap();
+        let RunConfig::One(experiment) = RunConfig::load_to_train(&kept.config(), &[]).unwrap() else {
+            panic!("{task} is one task");
+        };
+        assert_eq!(experiment.training.ppo.actor_hidden, [hidden]);
+        assert_eq!(results::evaluate_run(&Subject::of(&experiment), &kept).unwrap().len(), 1);
     }
 }
 
