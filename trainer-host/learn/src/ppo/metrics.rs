@@ -12,6 +12,7 @@ pub struct UpdateMetrics {
     /// Updates since the start of training.
     pub updates: u64,
     /// Whether the rollout was of another task than the one before, where a regulariser looks for that.
+    #[serde(skip)]
     pub boundary: bool,
     /// Negative clipped surrogate, mean over all minibatches; by gradients through the environment the negative mean
     /// reward of a step.
