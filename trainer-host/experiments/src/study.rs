@@ -94,10 +94,9 @@ impl Study {
 
     /// How a job trains the task at a place of its order.
     pub fn training_at(&self, job: JobId, place: usize) -> &LearnerSettings {
-        match self.methods[job.method].procedure.trains_as_configured() {
-            true => &self.tasks[self.orders[job.order][place]].training,
-            false => self.training_of(job.method),
-        }
+        let task = &self.tasks[self.orders[job.order][place]];
+        let is_own = self.methods[job.method].procedure.trains_as_configured();
+        if is_own { &task.training } else { self.training_of(job.method) }
     }
 
     /// Environment steps of a stage that lasts to its end.

@@ -43,6 +43,7 @@ impl Schedule {
     }
 
     /// The schedule that stays where this one ends; one that follows the divergence has no end.
+    #[must_use]
     pub fn last(&self) -> Self {
         match *self {
             Self::Linear { to, .. } => Self::Constant(to),

@@ -367,11 +367,11 @@ fn refuse_few_drones(
     procedure: &Procedure,
     learn: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    match procedure.finds_boundaries() && training.analytic.is_some() {
-        true => Err(learn
-            .reject("`boundaries: found` beside `analytic`", "PPO, whose rollouts have drones enough to tell")),
-        false => Ok(()),
+    if procedure.finds_boundaries() && training.analytic.is_some() {
+        let expected = "PPO, whose rollouts have drones enough to tell";
+        return Err(learn.reject("`boundaries: found` beside `analytic`", expected));
     }
+    Ok(())
 }
 
 /// Refuses a training that learners whose policies are averaged do not have.
@@ -401,8 +401,8 @@ fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
 
 /// One policy flies all tasks.
 fn refuse_other_layouts(tasks: &[Experiment], field: &Field<'_>) -> Result<(), ConfigError> {
-    let others = tasks.iter().enumerate().skip(1);
-    others.map(|(index, task)| refuse_other_layout(&tasks[0], task, &field.at(index))).collect()
+    let mut others = tasks.iter().enumerate().skip(1);
+    others.try_for_each(|(index, task)| refuse_other_layout(&tasks[0], task, &field.at(index)))
 }
 
 /// Refuses a task that does not agree with the first in what a policy sees and commands.

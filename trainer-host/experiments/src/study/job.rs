@@ -395,10 +395,9 @@ impl<'a> JobRun<'a> {
         let evaluation = &self.study.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes };
         let mut rows = mem::take(&mut self.progress.rows);
-        let flown = match self.procedure().trains_as_configured() {
-            true => vec![self.study.orders[self.id.order][stage.saturating_sub(1)]],
-            false => (0..self.study.tasks.len()).collect(),
-        };
+        let own = self.study.orders[self.id.order][stage.saturating_sub(1)];
+        let all = 0..self.study.tasks.len();
+        let flown = if self.procedure().trains_as_configured() { own..own + 1 } else { all };
         for task in flown {
             let scenario = &self.study.tasks[task].evaluation.scenario;
             let flights = fly_episodes(scenario, Flyer::Actor(actor), starts);

@@ -108,10 +108,9 @@ pub(crate) fn expert_of_job(study: &Study, id: JobId, stage: usize) -> Result<Ru
     let config = written(study)?;
     let method = &config.methods[id.method];
     let task = &config.tasks[study.orders[id.order][stage]];
-    let training = match study.methods[id.method].procedure.trains_as_configured() {
-        true => &task.training,
-        false => method.training.as_ref().unwrap_or(&config.training),
-    };
+    let of_study = method.training.as_ref().unwrap_or(&config.training);
+    let is_own = study.methods[id.method].procedure.trains_as_configured();
+    let training = if is_own { &task.training } else { of_study };
     let expert = ExperimentConfig {
         training: TrainingConfig { seed: stage_seed(study.seeds[id.seed], stage).0, ..training.clone() },
         ..task.clone()

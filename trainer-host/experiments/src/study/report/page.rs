@@ -45,7 +45,7 @@ matrices and definitions, is `report.md` in its directory.
 ";
 
 /// Pictures that a page has room for; the others are in the full reports.
-const SHOWN: [&str; 5] = ["final.svg", "so-far.svg", "curves.svg", "returns.svg", "threshold.svg"];
+const SHOWN: [&str; 6] = ["final.svg", "so-far.svg", "memory.svg", "curves.svg", "returns.svg", "threshold.svg"];
 
 /// Several studies on one page.
 #[derive(Debug)]
@@ -145,6 +145,7 @@ fn section(findings: &Findings<'_>) -> String {
         findings.claims(),
         findings.finals(),
         if findings.is_sequential() { findings.retention() } else { String::new() },
+        if findings.is_sequential() { findings.memory() } else { String::new() },
         findings.success_by_task(),
         if findings.pictures.is_empty() { String::new() } else { findings.curves() },
         if findings.has_thresholds() { findings.thresholds() } else { String::new() },

@@ -342,7 +342,7 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
     let page = page(&[data], Some("docs/results"));
     let text = page.text();
     let names: Vec<&str> = page.pictures.iter().map(|(name, _)| name.as_str()).collect();
-    let shown = ["final", "so-far", "curves", "returns", "threshold"];
+    let shown = ["final", "so-far", "curves", "returns", "memory", "threshold"];
     assert_eq!(names, shown.map(|file| format!("rooms-{file}.svg")));
     assert!(names.iter().all(|name| text.contains(&format!("](docs/results/{name})"))), "{text}");
 }
