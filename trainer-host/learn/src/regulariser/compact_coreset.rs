@@ -11,7 +11,8 @@
 //! state: what holds for every step holds for a flight.
 //!
 //! Where no end of a task is told, every rollout leaves a few states behind, in place of those of the rollout before: these are kept when
-//! the next rollout is of another world ([`Boundaries`]). The policy that flew that one is the policy that ended the task.
+//! the next rollout is of another world ([`Boundaries`]). The policy that flew that one is the policy that ended the task. With the rollout
+//! after it nothing is compared: learning has begun anew, and drones wander more.
 //!
 //! The strength is the multiplier of a constraint: that the mean divergence in these states stays within a budget. It
 //! rises while the policy is outside and falls while it is inside, minibatch after minibatch, so that nothing has to be
@@ -249,13 +250,14 @@ impl Regulariser for CompactCoreset {
             let decoded = |state| codes(state).zip(ranges).map(|(code, range)| decode(code, *range)).collect();
             let newest: Vec<Vec<f32>> = states.chunks_exact(self.state_bytes()).map(decoded).collect();
             self.keep(&newest, flight);
+            return true;
         }
         let newest = draw_states(flight, self.share());
         let mut ranges = vec![[f32::INFINITY, f32::NEG_INFINITY]; self.width()];
         widen(&mut ranges, &newest);
         let states = newest.iter().flat_map(|state| packed(state, &ranges)).collect();
         self.last = Some(LastRollout { observed, ranges, states });
-        ended.is_some()
+        false
     }
 }
 
