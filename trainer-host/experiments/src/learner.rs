@@ -46,13 +46,10 @@ impl LearnerSettings {
         self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
     }
 
-    /// As at the end of a training, for who does not know that another task has begun: the smallest steps, and nobody teaches.
+    /// As at the end of a training by PPO, for who does not know that another task has begun: the smallest steps, and nobody teaches.
     pub(crate) fn at_the_end(self) -> Self {
-        let analytic = self
-            .analytic
-            .map(|settings| AnalyticSettings { learning_rate: settings.learning_rate.last(), ..settings });
         let ppo = PpoSettings { learning_rate: self.ppo.learning_rate.last(), teacher: None, ..self.ppo };
-        Self { ppo, analytic, initial_policy: None }
+        Self { ppo, initial_policy: None, ..self }
     }
 
     /// What trains, for people.

@@ -4,7 +4,8 @@ use crate::pendulum::{Pendulum, SwingUp};
 use crate::ppo::CarryOver;
 use crate::ranks::threads::run_as;
 use crate::regulariser::{
-    Boundaries, CompactCoresetSettings, CoresetSettings, RegulariserSettings, ShippedRegulariser, Strength,
+    Boundaries, CompactCoresetSettings, CoresetSettings, EndedTask, Flight, RegulariserSettings,
+    ShippedRegulariser, Strength,
 };
 
 fn settings() -> AnalyticSettings {
@@ -186,6 +187,37 @@ fn a_task_begins_with_what_another_has_learned() {
         assert_eq!(later.actor, earlier.actor);
         assert_eq!(later.optimiser == earlier.optimiser, learner == CarryOver::CarriedOver);
     }
+}
+
+/// Counts the windows that it is shown, and what they hold.
+#[derive(Default)]
+struct Watcher(Vec<(usize, usize)>);
+
+impl Regulariser for Watcher {
+    fn stored_bytes(&self) -> usize {
+        0
+    }
+
+    fn add_gradient(&mut self, _networks: Learning<'_>, _gradient: &mut Gradient) {}
+
+    fn consolidate(&mut self, _ended: &EndedTask<'_>) {}
+
+    fn watches(&self) -> bool {
+        true
+    }
+
+    fn watch(&mut self, flight: &Flight<'_>) -> bool {
+        self.0.push((flight.visited.len(), flight.visited[0].slices.len()));
+        self.0.len() == 2
+    }
+}
+
+#[test]
+fn a_regulariser_that_watches_is_shown_every_window_and_its_word_is_passed_on() {
+    let (mut trainer, mut watcher) = (trainer(&settings()), Watcher::default());
+    let found = [(); 3].map(|()| trainer.update_with(&mut watcher).boundary);
+    assert_eq!(found, [false, true, false]);
+    assert_eq!(watcher.0, [(2, 20); 3]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::Visited;
 
 /// Divergence \[nat\] from which on it is another world. In furnished rooms rollouts of a policy that learns are up to 0.022 apart, those of
-/// one policy in two rooms 0.05 and more.
+/// one policy in two rooms hardly ever less than 0.05 (one boundary of 48 was below).
 const DIVERGENCE: f64 = 0.035;
 
 /// Variance that every number has beside its own: by less than a hundredth of their scale numbers do not differ.

@@ -22,7 +22,9 @@ fn finish(study: &Study, path: &Path, threads: usize) {
 /// Every file of rows and curves.
 fn found(path: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
-    for folder in ["rows/plain", "rows/joint", "curves/plain", "curves/joint"] {
+    let untold =
+        ["rows/found", "curves/found", "boundaries/found"].into_iter().filter(|folder| path.join(folder).is_dir());
+    for folder in ["rows/plain", "rows/joint", "curves/plain", "curves/joint"].into_iter().chain(untold) {
         for entry in fs::read_dir(path.join(folder)).unwrap() {
             let entry = entry.unwrap();
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
@@ -106,7 +108,10 @@ fn any_number_of_ranks_leaves_the_same_study() {
             }
             ranks::end(&ranks);
         });
-        assert_eq!(found(&path(size)), found(&path(1)), "{size} ranks");
+        let files = found(&path(size));
+        assert_eq!(files, found(&path(1)), "{size} ranks");
+        let boundaries = b"method,order,seed,stage,steps\nfound,0,0,2,16384\n";
+        assert!(files.iter().any(|(name, text)| name == "boundaries/found/0-0.csv" && text == boundaries));
     }
 }
 
