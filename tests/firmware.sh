@@ -122,7 +122,7 @@ app_on_target() { # FOLDER KBUILD: app-stm32f405.elf in the folder, around the p
 only_entries() { # whether the firmware sees of the pilot what it calls, and the pilot nothing of the firmware
   local names
   names=$(arm-none-eabi-nm -g "$out/pilot.o" | awk '{ print $(NF - 1), $NF }' | sort | tr '\n' ' ')
-  [ "$names" = "T kestrel_control_period T kestrel_follow_rates T kestrel_greatest_thrust T kestrel_reset T kestrel_scan T kestrel_take_policy T kestrel_tick_measured " ]
+  [ "$names" = "T kestrel_compensate_rotors T kestrel_control_period T kestrel_follow_rates T kestrel_greatest_thrust T kestrel_reset T kestrel_rotor_shares T kestrel_scan T kestrel_take_policy T kestrel_tick_measured " ]
 }
 
 app_size() { # COLUMN of `size`, beside initial values: of the pilot and of its controller
@@ -144,6 +144,9 @@ crazyflie() {
   verdict $? "with duty cycles for an empty battery, in a firmware that does not compensate it"
   grep -q 'a set-point is flown to for 999 ms' "$out/app.txt" && grep -q ' 0 rotors stopped' "$out/app.txt"
   verdict $? "it holds through a lost sample, and stops listening to an old set-point"
+  grep -q 'unasked: 1000 1000 1000 1000' "$out/app.txt" && grep -qE 'that sinks: ([5-9][0-9]{2} ?){4}' "$out/app.txt" &&
+    grep -q 'switched off: 1000 1000 1000 1000' "$out/app.txt"
+  verdict $? "it learns what its rotors lack when it is told to, and forgets it"
   grep -qE 'of 12000 special states [0-9]{4,} refused, [0-9]{4,} flown or held, in which 0 rotors stopped' "$out/app.txt"
   verdict $? "12,000 states with special values are refused or flown, and no rotor stops"
   app_on_target "$out" firmware-shim/crazyflie/app/Kbuild

@@ -4,7 +4,8 @@
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state, in air
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
-//! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth,
+//! [`pilot`] is all of that in one call; where the drone is no longer the one that it was, an [`effectiveness`] of the
+//! rotors that is learned in flight makes up for it. An [`instrument`] is what simulated sensors make of the truth,
 //! a [`scan`] what beams see of a map, a [`planner`] finds a way among what they have met.
 //!
 //! ```
@@ -63,6 +64,7 @@ pub mod crazyflie;
 pub mod crc32;
 pub mod downwash;
 pub mod dynamics;
+pub mod effectiveness;
 mod elementary;
 #[cfg(feature = "encoder")]
 pub mod encoder;

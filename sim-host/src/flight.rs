@@ -217,6 +217,11 @@ impl Flight {
         self.0.simulation.set_wind(0, wind);
     }
 
+    /// Lets the drone carry so much more \[kg\], at its centre of mass, from the next control period on; less, where it is negative.
+    pub fn add_load(&mut self, mass: f64) {
+        self.0.simulation.add_load(0, mass);
+    }
+
     /// Where the movable bodies are, in the order of the world.
     pub fn movables(&self) -> Vec<Pose> {
         self.0.movables()

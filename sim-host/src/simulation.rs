@@ -221,6 +221,12 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         set_row(&mut agent.swarm.wind, environment % LANES, wind.into());
     }
 
+    /// Lets a drone carry so much more \[kg\], at its centre of mass.
+    pub(crate) fn add_load(&mut self, row: usize, mass: R) {
+        let (agent, environment) = (row / self.environments, row % self.environments);
+        self.blocks[environment / LANES].agents[agent].swarm.add_load(environment % LANES, mass);
+    }
+
     /// Angular velocity of a drone \[rad/s\], world, as the physics preset reports it.
     ///
     /// # Panics

@@ -44,6 +44,9 @@ pub struct Swarm<const LANES: usize, R: Real = f32> {
 /// Columns of [`EffectGains`].
 const EFFECTS: usize = 15;
 
+/// Among them, drag of the body over the mass.
+const BODY_DRAG: usize = 8;
+
 /// What stays the same for a substep.
 struct Held<'a, const LANES: usize, R> {
     targets: &'a [Column<LANES, R>; 4],
@@ -290,6 +293,15 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             let battery_sag = effects.battery_sag.unwrap_or(R::zero());
             let values = [fx, fy, dx, dy, dz, rx, ry, rz, body_drag, a, b, c, d, battery, battery_sag];
             set_row(columns, lane, values);
+        }
+    }
+
+    /// Lets a drone carry so much more \[kg\], at its centre of mass; less, where it is negative.
+    pub(crate) fn add_load(&mut self, lane: usize, mass: R) {
+        let [inverse_mass, thrust, _, _, _, _, _, _, _, _, drag, axial] = &mut self.gains;
+        let share = R::one() / (R::one() + mass * inverse_mass[lane]);
+        for gain in [inverse_mass, thrust, drag, axial].into_iter().chain(self.effects.get_mut(BODY_DRAG)) {
+            gain[lane] *= share;
         }
     }
 

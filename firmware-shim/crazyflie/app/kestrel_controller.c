@@ -7,9 +7,10 @@
  * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller; `pwm`, 1 if the firmware takes duty cycles
  * for its normalized forces, and then `fullThrust` (N of a motor at full throttle and a full battery; 0 for what the policy was
  * trained with) and `fullVoltage` (V of that battery); with a policy that sees a scan `room`, the number of the room in
- * policy.h in which the drone is: its beams are cast in the map of that room, from the estimated position. Logs: `answer` (why
+ * policy.h in which the drone is: its beams are cast in the map of that room, from the estimated position; `compRotors`, 1
+ * learns in flight what share of its thrust each rotor really makes and drives weak ones harder, 0 forgets it. Logs: `answer` (why
  * the policy does not fly, 0 if it does), `flying`, `held` (microseconds for which the last thrusts were held), `m1` ... `m4`
- * (thrust in quarters of the weight).
+ * (thrust in quarters of the weight), `s1` ... `s4` (the shares that were learned).
  */
 #include <math.h>
 #include <stdbool.h>
@@ -112,6 +113,10 @@ static uint8_t enable = 1;
 static uint8_t pwm = PWM;
 static float full_thrust;
 static float full_voltage = 4.2f;
+static uint8_t compensates_rotors;
+
+/* Of their thrust, that the rotors make. */
+static float shares[4] = {1.0f, 1.0f, 1.0f, 1.0f};
 
 void appMain(void) {
   while (true) {
@@ -260,6 +265,8 @@ static int32_t act(const setpoint_t *setpoint, const sensorData_t *sensors, cons
   if (!measure(&here.position)) {
     return KESTREL_UNMEASURED;
   }
+  (void)kestrel_compensate_rotors(&pilot, compensates_rotors != 0);
+  kestrel_rotor_shares(&pilot, &shares);
   const int32_t result = kestrel_tick_measured(&pilot, &here, &goal, measurements, KESTREL_MEASUREMENTS, &wanted);
   if (result == KESTREL_OK) {
     for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
@@ -303,6 +310,8 @@ PARAM_GROUP_START(kestrel)
 PARAM_ADD(PARAM_UINT8, enable, &enable)
 /* 1: normalized forces are duty cycles, as in a firmware that does not compensate its battery */
 PARAM_ADD(PARAM_UINT8, pwm, &pwm)
+/* 1: weak rotors are found in flight, and driven harder; 0: not, and what was learned is forgotten */
+PARAM_ADD(PARAM_UINT8, compRotors, &compensates_rotors)
 /* Thrust of a motor at full throttle and a full battery [N]; 0: what the policy was trained with */
 PARAM_ADD(PARAM_FLOAT, fullThrust, &full_thrust)
 /* Voltage of a full battery [V] */
@@ -321,4 +330,8 @@ LOG_ADD(LOG_FLOAT, m1, &thrusts[0])
 LOG_ADD(LOG_FLOAT, m2, &thrusts[1])
 LOG_ADD(LOG_FLOAT, m3, &thrusts[2])
 LOG_ADD(LOG_FLOAT, m4, &thrusts[3])
+LOG_ADD(LOG_FLOAT, s1, &shares[0])
+LOG_ADD(LOG_FLOAT, s2, &shares[1])
+LOG_ADD(LOG_FLOAT, s3, &shares[2])
+LOG_ADD(LOG_FLOAT, s4, &shares[3])
 LOG_GROUP_STOP(kestrel)

@@ -57,6 +57,11 @@
 #define KESTREL_UNMEASURED 107
 
 /*
+ The policy does not say what drone it was trained for: its file is of before 0.1, or imported.
+ */
+#define KESTREL_NO_AIRFRAME 108
+
+/*
  Memory of a pilot. All zero, it is one without a policy.
  */
 typedef struct {
@@ -223,6 +228,19 @@ void kestrel_scan(const KestrelMap *map,
 int32_t kestrel_follow_rates(KestrelPilot *pilot,
                              const float (*body_rates)[3],
                              float (*thrusts)[4]);
+
+/*
+ Whether to learn in flight what share of its thrust each rotor really makes (worn propellers, a load, a battery that sags),
+ and to drive weak ones harder. Off after a policy was taken; what was learned is forgotten when it is switched off, and stays
+ when it is switched on again and again. Returns `KESTREL_OK`, or why it stays off.
+ */
+int32_t kestrel_compensate_rotors(KestrelPilot *pilot,
+                                  bool on);
+
+/*
+ Writes what share of its thrust each rotor makes, as far as that was learned: ones where it is not.
+ */
+void kestrel_rotor_shares(KestrelPilot *pilot, float (*shares)[4]);
 
 /*
  Time between two ticks in seconds; zero without a policy.

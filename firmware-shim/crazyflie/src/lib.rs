@@ -14,7 +14,9 @@ mod panic;
 use core::slice;
 
 use kestrel_core::attitude::Attitude;
+use kestrel_core::effectiveness::RotorEffectiveness;
 use kestrel_core::pilot::{Pilot, StatePolicy};
+use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_core::processor_in_the_loop::NO_POLICY;
 use kestrel_core::scan::{ScanMap, Slab};
 use kestrel_core::setpoint::Setpoint;
@@ -57,6 +59,9 @@ pub const KESTREL_ANSWER: i32 = 106;
 
 /// The policy sees another number of measurements than it is shown, or one of them is not finite.
 pub const KESTREL_UNMEASURED: i32 = 107;
+
+/// The policy does not say what drone it was trained for: its file is of before 0.1, or imported.
+pub const KESTREL_NO_AIRFRAME: i32 = 108;
 
 /// Memory of a pilot. All zero, it is one without a policy.
 #[repr(C)]
@@ -134,7 +139,11 @@ struct Seat {
 }
 
 /// A pilot of a policy without a memory or, where this library has the feature `recurrent`, with one.
-type Flyer = Pilot<'static, StatePolicy<'static>>;
+struct Flyer {
+    pilot: Pilot<'static, StatePolicy<'static>>,
+    /// What is known of the rotors, once somebody has asked to make up for them.
+    effectiveness: Option<RotorEffectiveness>,
+}
 
 /// Unlikely to be found in memory that was never written.
 const TAKEN: u32 = 0x4b65_7374;
@@ -159,11 +168,11 @@ impl KestrelPilot {
     fn take(&mut self, policy: &'static [u8]) -> i32 {
         let seat = self.seat();
         seat.mark = 0;
-        let pilot = match StatePolicy::parse(policy) {
-            Ok(policy) => seat.pilot.write(Pilot::with_runner(policy)),
+        let flyer = match StatePolicy::parse(policy) {
+            Ok(policy) => seat.pilot.write(Flyer { pilot: Pilot::with_runner(policy), effectiveness: None }),
             Err(error) => return i32::from(error.code()),
         };
-        match pilot.self_test() {
+        match flyer.pilot.self_test() {
             Ok(()) => {
                 seat.mark = TAKEN;
                 KESTREL_OK
@@ -172,7 +181,11 @@ impl KestrelPilot {
         }
     }
 
-    fn pilot(&mut self) -> Option<&mut Flyer> {
+    fn pilot(&mut self) -> Option<&mut Pilot<'static, StatePolicy<'static>>> {
+        self.flyer().map(|flyer| &mut flyer.pilot)
+    }
+
+    fn flyer(&mut self) -> Option<&mut Flyer> {
         let Seat { mark, pilot } = self.seat();
         // SAFETY: the mark is set behind a pilot, and taken away before it is replaced.
         (*mark == TAKEN).then(|| unsafe { pilot.assume_init_mut() })
@@ -186,7 +199,8 @@ impl KestrelPilot {
         thrusts: &mut [f32; 4],
     ) -> i32 {
         *thrusts = [0.0; 4];
-        let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
+        let Some(flyer) = self.flyer() else { return KESTREL_NO_POLICY };
+        let pilot = &mut flyer.pilot;
         let refusal = state.refusal(goal);
         if refusal != KESTREL_OK {
             return refusal;
@@ -205,17 +219,40 @@ impl KestrelPilot {
         };
         let [gx, gy, gz, yaw] = *goal;
         let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
-        let speeds = pilot.tick_towards(measurements, &state, &setpoint);
-        answer(pilot, speeds, thrusts)
+        let mut speeds = pilot.tick_towards(measurements, &state, &setpoint);
+        if let Some(effectiveness) = &mut flyer.effectiveness {
+            effectiveness.learn(&state, &speeds, pilot.metadata().control_period_secs);
+            speeds = effectiveness.compensated(&speeds);
+        }
+        answer(pilot.metadata(), speeds, thrusts)
     }
 
     fn follow_rates(&mut self, body_rates: &[f32; 3], thrusts: &mut [f32; 4]) -> i32 {
-        let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
+        let Some(Flyer { pilot, effectiveness }) = self.flyer() else { return KESTREL_NO_POLICY };
         if !within(body_rates, BODY_RATES_LIMIT) {
             return KESTREL_BODY_RATES;
         }
-        let followed = pilot.follow_rates(&Vector3::from(*body_rates));
-        followed.map_or(KESTREL_OK, |speeds| answer(pilot, speeds, thrusts))
+        let Some(mut speeds) = pilot.follow_rates(&Vector3::from(*body_rates)) else { return KESTREL_OK };
+        if let Some(effectiveness) = effectiveness {
+            speeds = effectiveness.compensated(&speeds);
+        }
+        answer(pilot.metadata(), speeds, thrusts)
+    }
+
+    fn compensate_rotors(&mut self, on: bool) -> i32 {
+        let Some(Flyer { pilot, effectiveness }) = self.flyer() else { return KESTREL_NO_POLICY };
+        if !on {
+            *effectiveness = None;
+            return KESTREL_OK;
+        }
+        let PolicyMetadata { airframe: Some(airframe), action, .. } = pilot.metadata() else {
+            return KESTREL_NO_AIRFRAME;
+        };
+        if effectiveness.is_none() {
+            let (hover, limit) = (action.hover_speed_squared(), action.rotor_speed_limit());
+            *effectiveness = Some(RotorEffectiveness::new(airframe, hover, limit));
+        }
+        KESTREL_OK
     }
 }
 
@@ -244,8 +281,8 @@ fn within(values: &[f32], limit: f32) -> bool {
 }
 
 /// Writes thrusts of rotor speeds \[rad/s\], in units of a quarter of the weight, unless one is not finite.
-fn answer(pilot: &Flyer, speeds: [f32; 4], thrusts: &mut [f32; 4]) -> i32 {
-    let per_hover_thrust = 1.0 / pilot.metadata().action.hover_speed_squared();
+fn answer(metadata: &PolicyMetadata<'_>, speeds: [f32; 4], thrusts: &mut [f32; 4]) -> i32 {
+    let per_hover_thrust = 1.0 / metadata.action.hover_speed_squared();
     let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
     if !answer.iter().all(|thrust| thrust.is_finite()) {
         return KESTREL_ANSWER;
@@ -277,8 +314,10 @@ pub unsafe extern "C" fn kestrel_take_policy(pilot: &mut KestrelPilot, policy: *
 /// Forgets the past actions, as at the start of an episode: whenever something else has flown in between.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_reset(pilot: &mut KestrelPilot) {
-    if let Some(pilot) = pilot.pilot() {
-        pilot.reset();
+    let Some(Flyer { pilot, effectiveness }) = pilot.flyer() else { return };
+    pilot.reset();
+    if let Some(effectiveness) = effectiveness {
+        effectiveness.pause();
     }
 }
 
@@ -350,6 +389,21 @@ pub extern "C" fn kestrel_follow_rates(
     thrusts: &mut [f32; 4],
 ) -> i32 {
     pilot.follow_rates(body_rates, thrusts)
+}
+
+/// Whether to learn in flight what share of its thrust each rotor really makes (worn propellers, a load, a battery that sags),
+/// and to drive weak ones harder. Off after a policy was taken; what was learned is forgotten when it is switched off, and stays
+/// when it is switched on again and again. Returns `KESTREL_OK`, or why it stays off.
+#[unsafe(no_mangle)]
+pub extern "C" fn kestrel_compensate_rotors(pilot: &mut KestrelPilot, on: bool) -> i32 {
+    pilot.compensate_rotors(on)
+}
+
+/// Writes what share of its thrust each rotor makes, as far as that was learned: ones where it is not.
+#[unsafe(no_mangle)]
+pub extern "C" fn kestrel_rotor_shares(pilot: &mut KestrelPilot, shares: &mut [f32; 4]) {
+    let flyer = pilot.flyer();
+    *shares = flyer.and_then(|flyer| flyer.effectiveness.as_ref()).map_or([1.0; 4], RotorEffectiveness::shares);
 }
 
 /// Time between two ticks in seconds; zero without a policy.

@@ -332,3 +332,39 @@ fn twelve_thousand_states_with_special_values_are_refused_or_flown_as_the_core_f
     }
     assert!((6_000..11_000).contains(&refused), "{refused}");
 }
+
+#[test]
+fn weak_rotors_are_learned_when_it_is_asked_for_and_driven_harder() {
+    let shares_of = |pilot: &mut KestrelPilot| {
+        let mut shares = [0.0; 4];
+        kestrel_rotor_shares(pilot, &mut shares);
+        shares
+    };
+    let mut pilot = KestrelPilot::new();
+    assert_eq!(kestrel_compensate_rotors(&mut pilot, true), KESTREL_NO_POLICY);
+    assert_eq!(pilot.take(hover()), KESTREL_OK);
+    assert_eq!(kestrel_compensate_rotors(&mut pilot, true), KESTREL_OK);
+    let (mut plain, mut thrusts, mut sound) = (KestrelPilot::new(), [0.0; 4], [0.0; 4]);
+    assert_eq!(plain.take(hover()), KESTREL_OK);
+    // At the goal, upright and at rest, it sinks faster and faster: what it asks for is not what it gets.
+    for step in 0..100 {
+        let velocity = [0.0, 0.0, -0.01 * step as f32];
+        let here = KestrelState {
+            position: [0.0, 0.0, 1.0],
+            attitude: [1.0, 0.0, 0.0, 0.0],
+            velocity,
+            body_rates: [0.0; 3],
+        };
+        assert_eq!(kestrel_compensate_rotors(&mut pilot, true), KESTREL_OK);
+        assert_eq!(kestrel_tick(&mut pilot, &here, &[0.0, 0.0, 1.0, 0.0], &mut thrusts), KESTREL_OK);
+        assert_eq!(kestrel_tick(&mut plain, &here, &[0.0, 0.0, 1.0, 0.0], &mut sound), KESTREL_OK);
+    }
+    let shares = shares_of(&mut pilot);
+    assert!(shares.iter().all(|share| (0.5..0.95).contains(share)), "{shares:?}");
+    assert!(thrusts.iter().sum::<f32>() > sound.iter().sum(), "{thrusts:?} {sound:?}");
+    assert_eq!(shares_of(&mut plain), [1.0; 4]);
+    kestrel_reset(&mut pilot);
+    assert_eq!(shares_of(&mut pilot), shares);
+    assert_eq!(kestrel_compensate_rotors(&mut pilot, false), KESTREL_OK);
+    assert_eq!(shares_of(&mut pilot), [1.0; 4]);
+}

@@ -5,14 +5,16 @@
 
 use core::hint::black_box;
 
+use kestrel_core::airframe::CF2X;
 use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares};
 use kestrel_core::attitude::Attitude;
+use kestrel_core::effectiveness::RotorEffectiveness;
 use kestrel_core::fixed::{FixedScratch, OutputLearner};
 #[cfg(feature = "encoder")]
 use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyScratch};
+use kestrel_core::policy_file::{PolicyAirframe, PolicyError, PolicyFile, PolicyScratch};
 #[cfg(feature = "encoder")]
 use kestrel_core::policy_file::{RecurrentPolicy, VisionPolicy};
 use kestrel_core::vehicle::State;
@@ -34,10 +36,11 @@ const REPETITIONS: usize = 16;
 /// Runs every part in its window.
 pub fn run() -> Verdict {
     line("pilot-bytes", "pilot", size_of::<Pilot<'static>>() as u32);
+    line("pilot-bytes", "effectiveness", size_of::<RotorEffectiveness>() as u32);
     window("nothing", "at-all", || {});
     let steps = MEASURED.iter().map(step);
     let ticks = PILOTS.iter().map(tick);
-    let learning = core::iter::once_with(learn);
+    let learning = core::iter::once_with(learn).chain(core::iter::once_with(compensate));
     #[cfg(feature = "encoder")]
     let learning = learning.chain(RECURRENT.iter().map(recurrent_step)).chain(SEEING.iter().map(look));
     if steps.chain(ticks).chain(learning).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
@@ -62,6 +65,22 @@ fn learn() -> Result<(), PolicyError> {
                 let anchor = FixedAnchor { center: &mut center, importance: &mut importance };
                 anchor.proximal_step(parameters, &shares, call);
             }
+        });
+    }
+    Ok(())
+}
+
+/// What makes up for weak rotors in a control period: a step of learning, and the targets that follow from it.
+fn compensate() -> Result<(), PolicyError> {
+    let [hover, limit] = [CF2X.hover_rotor_speed(), CF2X.rotor_speed_limit].map(|speed| speed as f32);
+    let mut effectiveness = RotorEffectiveness::new(&PolicyAirframe::from(&CF2X), hover * hover, limit);
+    let mut inputs = Inputs::new(8);
+    for _ in 0..REPETITIONS {
+        let calm =
+            State { world_from_body: Attitude::level(), body_rates: Vector3::zeros(), ..flying(&mut inputs) };
+        window("compensate", "float32", || {
+            effectiveness.learn(black_box(&calm), &[hover; 4], 0.01);
+            black_box(effectiveness.compensated(&[hover; 4]));
         });
     }
     Ok(())

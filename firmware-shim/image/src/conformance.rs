@@ -1,6 +1,8 @@
 //! The same bits everywhere: digests of what every policy does with the same inputs.
 
 use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::attitude::Attitude;
+use kestrel_core::effectiveness::RotorEffectiveness;
 #[cfg(feature = "encoder")]
 use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
@@ -8,6 +10,7 @@ use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyScratch};
 #[cfg(feature = "encoder")]
 use kestrel_core::policy_file::{RecurrentPolicy, VisionPolicy};
+use kestrel_core::vehicle::State;
 
 use crate::autopilot;
 use crate::digest::Digest;
@@ -80,6 +83,7 @@ fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
         }
     }
     line(artifact, arithmetic, "2,000 ticks", ticks(&policy));
+    line(artifact, arithmetic, "2,000 ticks with weak rotors", compensated_ticks(&policy));
     Ok(())
 }
 
@@ -158,6 +162,30 @@ fn ticks(policy: &PolicyFile<'_>) -> Digest {
     for _ in 0..TICKS {
         let (state, goal) = (inputs.state(), inputs.vector());
         digest.add(&pilot.tick(&state, &goal));
+    }
+    digest
+}
+
+/// The same of a drone that flies calmly, whose rotors are learned.
+fn compensated_ticks(policy: &PolicyFile<'_>) -> Digest {
+    let mut pilot = Pilot::new(policy.clone());
+    let metadata = policy.metadata();
+    let (mut inputs, mut digest) = (Inputs::new(7), Digest::new());
+    let Some(airframe) = &metadata.airframe else { return digest };
+    let (hover, limit) = (metadata.action.hover_speed_squared(), metadata.action.rotor_speed_limit());
+    let mut effectiveness = RotorEffectiveness::new(airframe, hover, limit);
+    for _ in 0..TICKS {
+        let (tilt, goal) = (inputs.vector() * 0.1, inputs.vector());
+        let state = State {
+            world_from_body: Attitude { w: 1.0, x: tilt.x, y: tilt.y, z: tilt.z }.normalized(),
+            velocity: inputs.vector() * 0.1,
+            body_rates: inputs.vector(),
+            ..inputs.state()
+        };
+        let targets = pilot.tick(&state, &goal);
+        effectiveness.learn(&state, &targets, metadata.control_period_secs);
+        digest.add(&effectiveness.compensated(&targets));
+        digest.add(&effectiveness.shares());
     }
     digest
 }

@@ -288,6 +288,9 @@ impl<P: PolicyBackend> Autopilot<P> {
     /// Does it this way from now on.
     pub fn adjust(&mut self, settings: AutopilotSettings) {
         self.settings = settings;
+        if !settings.compensates_rotors {
+            self.controllers.effectiveness_mut().reset();
+        }
         self.fence.cylinder.radius_m = settings.fence_radius_m;
         self.fence.cylinder.height_m = settings.fence_height_m;
     }
@@ -310,6 +313,11 @@ impl<P: PolicyBackend> Autopilot<P> {
     /// How old the policy's last answer is, if it flies \[s\].
     pub fn silent_secs(&self) -> f32 {
         self.controllers.silent_secs()
+    }
+
+    /// What share of its thrust each rotor makes, as far as it has learned that; ones where it is told not to.
+    pub fn rotor_shares(&self) -> [f32; 4] {
+        self.controllers.effectiveness().shares()
     }
 
     /// What has gone wrong in the last control period.
@@ -439,6 +447,7 @@ impl<P: PolicyBackend> Autopilot<P> {
     /// Rotor targets of this period; the last ones are held while the policy gives none.
     fn fly(&mut self, state: &State<f32>) {
         if !self.mode.flies() {
+            self.controllers.effectiveness_mut().pause();
             self.rotor_targets = STOPPED;
             return;
         }
@@ -447,7 +456,17 @@ impl<P: PolicyBackend> Autopilot<P> {
             Some(attitude) => Some(self.controllers.follow(state, &attitude)),
             None => self.controllers.toward(state, &self.goal, self.control_secs),
         };
-        self.rotor_targets = targets.unwrap_or(self.rotor_targets);
+        self.rotor_targets = targets.map_or(self.rotor_targets, |targets| self.compensated(state, targets));
+    }
+
+    /// What makes up for weak rotors, if it is told to.
+    fn compensated(&mut self, state: &State<f32>, targets: [f32; 4]) -> [f32; 4] {
+        if !self.settings.compensates_rotors {
+            return targets;
+        }
+        // The floor may carry the drone.
+        let is_free = !matches!(self.mode, Mode::TakingOff | Mode::Landing);
+        self.controllers.compensated(state, &targets, self.control_secs, is_free)
     }
 
     /// On its way, but not out of the fence.

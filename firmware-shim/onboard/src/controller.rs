@@ -1,6 +1,8 @@
 //! The active controller: the policy, or the cascade of controllers that takes its place.
 
 use kestrel_core::airframe::Airframe;
+use kestrel_core::effectiveness::RotorEffectiveness;
+use kestrel_core::policy_file::PolicyAirframe;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 
@@ -29,6 +31,7 @@ pub struct Controllers<P> {
     backend: P,
     steering: Steering,
     active: Controller,
+    effectiveness: RotorEffectiveness,
     /// Least and greatest rotor speed in flight \[rad/s\].
     limits: [f32; 2],
     silent_secs: f32,
@@ -38,11 +41,12 @@ pub struct Controllers<P> {
 impl<P: PolicyBackend> Controllers<P> {
     /// For an airframe, with the policy active.
     pub fn new(backend: P, airframe: &Airframe) -> Self {
-        let limit = airframe.rotor_speed_limit as f32;
+        let [hover, limit] = [airframe.hover_rotor_speed(), airframe.rotor_speed_limit].map(|speed| speed as f32);
         Self {
             backend,
             steering: Steering::new(airframe),
             active: Controller::Policy,
+            effectiveness: RotorEffectiveness::new(&PolicyAirframe::from(airframe), hover * hover, limit),
             limits: [IDLE * limit, limit],
             silent_secs: 0.0,
             saturated_secs: 0.0,
@@ -52,6 +56,16 @@ impl<P: PolicyBackend> Controllers<P> {
     /// Which controller flies.
     pub fn active(&self) -> Controller {
         self.active
+    }
+
+    /// What is known of the rotors.
+    pub fn effectiveness(&self) -> &RotorEffectiveness {
+        &self.effectiveness
+    }
+
+    /// As [`Self::effectiveness`], to forget it or to pause.
+    pub fn effectiveness_mut(&mut self) -> &mut RotorEffectiveness {
+        &mut self.effectiveness
     }
 
     /// What computes the policy.
@@ -107,6 +121,17 @@ impl<P: PolicyBackend> Controllers<P> {
     /// Rotor targets \[rad/s\] that a peer steers by directly, in flight.
     pub fn follow(&self, state: &State<f32>, attitude_set_point: &AttitudeSetPoint) -> [f32; 4] {
         self.limited(self.steering.follow(state, attitude_set_point))
+    }
+
+    /// Rotor targets \[rad/s\], in flight, with which a drone of weak rotors does what it would do by these targets if they were
+    /// sound; where it flies freely it learns how weak they are.
+    pub fn compensated(&mut self, state: &State<f32>, targets: &[f32; 4], secs: f32, is_free: bool) -> [f32; 4] {
+        if is_free {
+            self.effectiveness.learn(state, targets, secs);
+        } else {
+            self.effectiveness.pause();
+        }
+        self.limited(self.effectiveness.compensated(targets))
     }
 
     /// Counts how long the policy is silent, or keeps a rotor at `least` or at its greatest speed \[rad/s\].

@@ -97,6 +97,9 @@ pub struct AutopilotSettings {
     /// With less time than this until the drone is at what its rangers see, the cascade holds it where it is, if it may
     /// \[s\].
     pub clearance_secs: Option<f32>,
+    /// Whether it learns in flight what share of its thrust each rotor makes, and drives weak ones harder; if not, it forgets
+    /// them.
+    pub compensates_rotors: bool,
 }
 
 impl FailsafeReaction {
@@ -160,6 +163,7 @@ impl Default for AutopilotSettings {
             saturation_secs: 0.5,
             policy_reaction: FailsafeReaction::with_cascade(FailsafeAction::Hold),
             clearance_secs: None,
+            compensates_rotors: false,
         }
     }
 }

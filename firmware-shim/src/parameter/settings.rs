@@ -83,6 +83,7 @@ impl Parameters {
             saturation_secs: self.real(Parameter::RlSatT),
             policy_reaction: self.meaning(Parameter::RlFaultAct, POLICY_FAULT),
             clearance_secs: self.unless_zero(Parameter::RlClearT),
+            compensates_rotors: self.integer(Parameter::RlCompRotors) == 1,
         }
     }
 

@@ -59,6 +59,8 @@ pub enum Parameter {
     NavDllAct,
     /// `RL_CLEAR_T`.
     RlClearT,
+    /// `RL_COMP_ROTORS`.
+    RlCompRotors,
     /// `RL_FAULT_ACT`.
     RlFaultAct,
     /// `RL_LATE_T`.
@@ -144,7 +146,7 @@ pub enum Access {
 
 impl Parameter {
     /// All of them, by index.
-    pub const ALL: [Self; 33] = [
+    pub const ALL: [Self; 34] = [
         Self::BatCritThr,
         Self::BatEmergenThr,
         Self::BatLowThr,
@@ -169,6 +171,7 @@ impl Parameter {
         Self::MpcZVAutoUp,
         Self::NavDllAct,
         Self::RlClearT,
+        Self::RlCompRotors,
         Self::RlFaultAct,
         Self::RlLateT,
         Self::RlOneOperator,
@@ -337,6 +340,12 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
         "s",
         [0.0, 0.0, 5.0],
         "Time to what rangers see, at the speed of now, below which the PID brakes and holds; 0 never.",
+    ),
+    choice(
+        "RL_COMP_ROTORS",
+        0,
+        &[0, 1],
+        "Weak rotors: 1 learn in flight how weak, and drive them harder, 0 do not, and forget it.",
     ),
     choice(
         "RL_FAULT_ACT",

@@ -11,8 +11,8 @@ use crate::message::sent::{motion, status, surroundings};
 use crate::policy_backend::PolicyBackend;
 use crate::telemetry::TelemetryStream;
 
-/// Messages of one stream at one time: as many as there are rangers.
-const MESSAGES: usize = 6;
+/// Messages of one stream at one time: what the policy is has ten.
+const MESSAGES: usize = 10;
 
 impl<P: PolicyBackend> Vehicle<P> {
     /// Sends a stream to everybody to whom it is due.
@@ -31,8 +31,8 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
     }
 
-    /// What the policy is (its hash), how old its last answer is, how long the last tick took, and how the flight keeps
-    /// its pace.
+    /// What the policy is (its hash), how old its last answer is, how long the last tick took, how the flight keeps its pace,
+    /// and what share of its thrust each rotor makes, where that is learned.
     fn policy_report(&self) -> heapless::Vec<Payload, MESSAGES> {
         let time = self.time_boot_ms();
         let [a, b, c, d, ..] = self.profile.policy.hash;
@@ -48,7 +48,12 @@ impl<P: PolicyBackend> Vehicle<P> {
                 status::named_integer("RL_OVERRUN", i32::try_from(overruns).unwrap_or(i32::MAX), time),
             ]
         });
-        policy.into_iter().chain(pace.into_iter().flatten()).collect()
+        let rotors = self.autopilot().settings().compensates_rotors.then(|| {
+            let [first, second, third, fourth] = self.autopilot().rotor_shares();
+            [("RL_ROTOR1", first), ("RL_ROTOR2", second), ("RL_ROTOR3", third), ("RL_ROTOR4", fourth)]
+                .map(|(name, share)| status::named_float(name, share, time))
+        });
+        policy.into_iter().chain(pace.into_iter().flatten()).chain(rotors.into_iter().flatten()).collect()
     }
 
     /// What a stream tells now: most are of one message.

@@ -1,6 +1,7 @@
 /* The app for crazyflie-firmware as its stabilizer calls it: degrees per second of the gyroscope, degrees of the set-points,
  * millimetres of the rangers, shares of the greatest thrust for the motors, a thousand times a second. A policy that sees a scan
- * flies in the room whose number is in the environment, ROOM: the app casts the beams itself. */
+ * flies in the room whose number is in the environment, ROOM: the app casts the beams itself. With COMPENSATES in the environment
+ * it learns what the rotors lack. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,6 +49,7 @@ unsigned int logGetUint(logVarId_t id) { return millimetres[id]; }
 #ifdef KESTREL_ROOMS
 extern void *const param_room;
 #endif
+extern void *const param_compRotors;
 
 int32_t adapter_take(const uint8_t *policy, size_t len) {
   static KestrelPilot pilot;
@@ -60,6 +62,7 @@ int32_t adapter_take(const uint8_t *policy, size_t len) {
   const char *room = getenv("ROOM");
   *(uint8_t *)param_room = (uint8_t)(room != NULL ? atoi(room) : 0);
 #endif
+  *(uint8_t *)param_compRotors = getenv("COMPENSATES") != NULL;
   controllerOutOfTreeInit();
   return refusal != 0 ? refusal : controllerOutOfTreeTest() ? 0 : PID_FLIES;
 }

@@ -15,7 +15,8 @@
 static uint32_t random_state = 1;
 
 extern const void *const log_answer, *const log_m1, *const log_m2, *const log_m3, *const log_m4;
-extern void *const param_enable, *const param_fullThrust, *const param_fullVoltage, *const param_pwm;
+extern const void *const log_s1, *const log_s2, *const log_s3, *const log_s4;
+extern void *const param_enable, *const param_fullThrust, *const param_fullVoltage, *const param_pwm, *const param_compRotors;
 
 #include "FreeRTOS.h"
 #include "task.h"
@@ -200,11 +201,54 @@ static float special(void) {
   return value;
 }
 
-/* In every second tick one number of the state is special: the tick is refused with a code, or flown; no rotor stops. */
+/* Ticks of a level drone at its goal that sinks faster and faster, as if its rotors made less than they should. */
+static void sink(int ticks) {
+  const sensorData_t quiet = {.gyro = {0.0f, 0.0f, 0.0f}};
+  control_t control;
+  for (int step = 0; step < ticks; step++) {
+    const setpoint_t setpoint = position_at(now++);
+    const state_t state = {
+        .attitudeQuaternion = {0.0f, 0.0f, 0.0f, 1.0f},
+        .position = {0.1f, 0.0f, 1.0f},
+        .velocity = {0.0f, 0.0f, -0.0005f * (float)step},
+    };
+    controllerOutOfTree(&control, &setpoint, &quiet, &state, now);
+  }
+}
+
+static void print_shares(const char *when) {
+  const void *const shares[] = {log_s1, log_s2, log_s3, log_s4};
+  printf("shares of thrust %s:", when);
+  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+    printf(" %d", (int)(1000.0f * *(const float *)shares[rotor] + 0.5f));
+  }
+  printf(" per mille\n");
+}
+
+/* What the rotors lack is learned once it is asked for, kept while the PID controller flies, and forgotten when it is switched off. */
+static void weaken(void) {
+  *(uint8_t *)param_enable = 1;
+  sink(1000);
+  print_shares("unasked");
+  *(uint8_t *)param_compRotors = 1;
+  sink(1000);
+  print_shares("of a drone that sinks");
+  *(uint8_t *)param_enable = 0;
+  sink(100);
+  *(uint8_t *)param_enable = 1;
+  sink(1);
+  print_shares("behind the PID controller");
+  *(uint8_t *)param_compRotors = 0;
+  sink(100);
+  print_shares("switched off");
+}
+
+/* In every second tick one number of the state is special: the tick is refused with a code, or flown; no rotor stops. Rotors are
+ * learned meanwhile. */
 static void meet_special_values(void) {
   control_t control;
   int refused = 0, stopped = 0, flown = 0;
-  *(uint8_t *)param_enable = 1;
+  *(uint8_t *)param_enable = *(uint8_t *)param_compRotors = 1;
   for (int input = 0; input < 2 * SPECIAL_STATES; input++) {
     float v[13] = {0.1f, 0.0f, 1.0f, 1.0f, 0.0f, 0.0f, 0.0f};
     if (input % 2 == 1) {
@@ -272,6 +316,7 @@ int main(void) {
   fly();
   lose_a_sensor();
   wait_for_orders();
+  weaken();
   meet_special_values();
   damage();
   return 0;

@@ -37,6 +37,8 @@ impl FailingPolicy<'_> {
                 FaultKind::LinkLoss
                 | FaultKind::Estimate(_)
                 | FaultKind::Motor { .. }
+                | FaultKind::Thrust { .. }
+                | FaultKind::Load(_)
                 | FaultKind::Battery(_)
                 | FaultKind::Gust(_) => None,
             },

@@ -123,6 +123,19 @@ enum FaultKindConfig {
         /// Of the greatest speed.
         share: f64,
     },
+    /// A rotor makes a share of its thrust, as a worn propeller does.
+    Thrust {
+        /// Counted from 0, in the order of the airframe; left out, all of them do, as where the battery sags.
+        #[serde(default)]
+        rotor: Option<u64>,
+        /// Of its thrust.
+        share: f64,
+    },
+    /// The drone carries so much more, at its centre of mass.
+    Load {
+        /// At most the drone's own mass.
+        mass_kg: f64,
+    },
     /// The battery has so much left.
     Battery {
         /// Of one.
@@ -314,6 +327,16 @@ impl FaultConfig {
                 let field = inner.at("motor");
                 let rotor = field.at("rotor").whole(*rotor, 0..=3)? as usize;
                 FaultKind::Motor { rotor, share: field.at("share").number(*share, &Limits::from(0.0, 1.0, ""))? }
+            }
+            FaultKindConfig::Thrust { rotor, share } => {
+                let field = inner.at("thrust");
+                let rotor = rotor.map(|rotor| field.at("rotor").whole(rotor, 0..=3)).transpose()?;
+                let share = field.at("share").number(*share, &Limits::from(0.0, 1.0, ""))?;
+                FaultKind::Thrust { rotor: rotor.map(|rotor| rotor as usize), share }
+            }
+            FaultKindConfig::Load { mass_kg } => {
+                let limits = Limits::from(0.0, scenario.airframe.mass, "kg, the mass of the drone");
+                FaultKind::Load(inner.at("load").at("mass_kg").real(*mass_kg, &limits)?)
             }
             FaultKindConfig::Battery { left } => {
                 if let Some(for_secs) = self.for_secs {

@@ -29,6 +29,15 @@ pub(crate) enum FaultKind {
         /// Of the greatest speed.
         share: f32,
     },
+    /// A rotor makes a share of its thrust, or all of them do.
+    Thrust {
+        /// Counted from 0, in the order of the airframe; all where there is none.
+        rotor: Option<usize>,
+        /// Of its thrust.
+        share: f32,
+    },
+    /// So much more is carried \[kg\].
+    Load(f64),
     /// So much is left of the battery, of one.
     Battery(f32),
     /// Wind beside that of the flight \[m/s, world\].

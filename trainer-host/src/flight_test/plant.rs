@@ -24,6 +24,8 @@ pub(crate) struct FailingPlant<'a> {
     obstacles: Arc<Arena>,
     /// Wind without gusts \[m/s, world\].
     wind: Vector3<f64>,
+    /// What the drone carries beside itself \[kg\].
+    load: f64,
     /// What the vehicle knows of its state.
     known: State<f32>,
     control_secs: f64,
@@ -55,6 +57,7 @@ impl<'a> FailingPlant<'a> {
             faults: &case.faults,
             obstacles: Arena::shared(&world, &scenario.airframe, ContactReport::Touch, None),
             wind: flight.wind() + case.wind,
+            load: 0.0,
             known: *flight.known_state(),
             control_secs: 1.0 / scenario.physics.control_rate_hz,
             periods: 0,
@@ -81,8 +84,20 @@ impl<'a> FailingPlant<'a> {
     fn limited(&self, mut rotor_targets: [f32; 4]) -> [f32; 4] {
         let greatest = self.flight.flight.scenario().airframe.rotor_speed_limit as f32;
         for fault in self.acting() {
-            if let FaultKind::Motor { rotor, share } = fault {
-                rotor_targets[rotor] = rotor_targets[rotor].min(share * greatest);
+            match fault {
+                FaultKind::Motor { rotor, share } => {
+                    rotor_targets[rotor] = rotor_targets[rotor].min(share * greatest);
+                }
+                FaultKind::Thrust { rotor: Some(rotor), share } => rotor_targets[rotor] *= share.sqrt(),
+                FaultKind::Thrust { rotor: None, share } => {
+                    rotor_targets = rotor_targets.map(|target| target * share.sqrt());
+                }
+                FaultKind::LinkLoss
+                | FaultKind::Estimate(_)
+                | FaultKind::Load(_)
+                | FaultKind::Battery(_)
+                | FaultKind::Gust(_)
+                | FaultKind::Policy(_) => {}
             }
         }
         rotor_targets
@@ -98,6 +113,20 @@ impl<'a> FailingPlant<'a> {
         wind
     }
 
+    /// Takes up what is to be carried, or puts it down.
+    fn carry(&mut self) {
+        let mut load = 0.0;
+        for fault in self.acting() {
+            if let FaultKind::Load(mass) = fault {
+                load += mass;
+            }
+        }
+        if load != self.load {
+            self.flight.flight.add_load(load - self.load);
+            self.load = load;
+        }
+    }
+
     /// What the vehicle knows from now on.
     fn estimate(&mut self) {
         let mut known = *self.flight.known_state();
@@ -107,6 +136,8 @@ impl<'a> FailingPlant<'a> {
                 FaultKind::Estimate(EstimateFault::Lost) => known = known.map(|_: f32| f32::NAN),
                 FaultKind::LinkLoss
                 | FaultKind::Motor { .. }
+                | FaultKind::Thrust { .. }
+                | FaultKind::Load(_)
                 | FaultKind::Battery(_)
                 | FaultKind::Gust(_)
                 | FaultKind::Policy(_) => {}
@@ -142,6 +173,8 @@ impl Plant for FailingPlant<'_> {
             FaultKind::LinkLoss
             | FaultKind::Estimate(_)
             | FaultKind::Motor { .. }
+            | FaultKind::Thrust { .. }
+            | FaultKind::Load(_)
             | FaultKind::Gust(_)
             | FaultKind::Policy(_) => None,
         })
@@ -149,6 +182,7 @@ impl Plant for FailingPlant<'_> {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.flight.flight.set_wind(self.gusts());
+        self.carry();
         self.flight.step(&self.limited(*rotor_targets));
         self.periods += 1;
         self.clock.set(self.periods as f64 * self.control_secs);
