@@ -4,18 +4,19 @@
 //! of each rotor is compared with what the drone does, once every control period:
 //!
 //! ```text
-//! d₀' = d₀ + κ (a_z / g − Σ u / 4u_h)              specific force along body z, and the thrust that was asked for
-//! d_p' = d_p − κ Σ pᵢuᵢ / (u_h Σ pᵢ²)               p: roll, pitch, yaw; over seconds the torques of a drone that flies are zero
-//! sᵢ = 1 + Σ d_p pᵢ        Ωᵢ² = uᵢ / sᵢ            κ = period / 2 s
+//! d₀' = d₀ + κ (a_z / g − Σ fᵢ / 4)                specific force along body z, and the thrust that rotors should make
+//! d_p' = d_p − κ Σ pᵢfᵢ / Σ pᵢ²                    p: roll, pitch, yaw; over seconds the torques of a drone that flies are zero
+//! sᵢ = 1 + Σ d_p pᵢ      fᵢ = sᵢ Ωᵢ² / Ω_h²        κ = period / 2 s, of a drone at rest
 //! ```
 //!
-//! with the squared rotor speeds u that were asked for, u_h where the drone hovers, and what each rotor does to lift,
-//! roll, pitch and yaw, one at most (p). Neither inertia nor the length of the levers is needed, nor how much torque a
+//! with the rotor speeds Ω that were commanded, Ω_h where the drone hovers, and what each rotor does to lift, roll, pitch
+//! and yaw, one at most (p). A controller's targets u then become Ωᵢ² = uᵢ² / sᵢ. Neither inertia nor the length of the levers is needed, nor how much torque a
 //! rotor has about z. The policy stays as it is: what has changed is the drone, and there is nothing that it could
 //! forget. Adaptive control allocation by the effectiveness of actuators, as Smeur, Chu and de Croon 2016 ("Adaptive
 //! incremental nonlinear dynamic inversion for attitude control of micro air vehicles") identify it by least mean squares.
 //!
-//! In steep or fast flight nothing is learned, and neither on the ground, where rotors idle. 116 bytes; never panics.
+//! The air turns a drone as well: the faster it is, the less is learned. In steep flight nothing is, and neither on the
+//! ground, where rotors idle. 116 bytes; never panics.
 
 use nalgebra::Vector3;
 
@@ -25,7 +26,7 @@ use crate::real::Real;
 use crate::vehicle::State;
 
 /// Least and greatest share of its thrust that a rotor is believed to make.
-pub const SHARES: [f32; 2] = [0.5, 1.3];
+pub const SHARES: [f32; 2] = [0.4, 1.3];
 
 /// In which it comes two thirds of the way \[s\].
 const LEARNING_SECS: f32 = 2.0;
@@ -38,6 +39,10 @@ const LEAST_UPRIGHT: f32 = 0.8;
 
 /// Body rate up to which it learns \[rad/s\].
 const BODY_RATE_LIMIT: f32 = 3.0;
+
+/// Speed at which it learns a quarter as fast, and at twice of it a twenty-fifth \[m/s\]: what the air does to a faster drone
+/// would be taken for its rotors.
+const SLOW: f32 = 0.5;
 
 /// Greatest part of the weight that one control period may seem to lack.
 const RESIDUAL_LIMIT: f32 = 0.5;
@@ -55,7 +60,7 @@ pub struct RotorEffectiveness {
     /// Squared rotor speed of hovering \[rad²/s²\], and the greatest.
     hover_speed_squared: f32,
     speed_squared_limit: f32,
-    /// Of the last control period: velocity \[m/s, world\], and squared speeds that were asked for, as shares of hovering.
+    /// Of the last control period: velocity \[m/s, world\], and squared speeds that were commanded, as shares of hovering.
     last: Option<(Vector3<f32>, [f32; 4])>,
 }
 
@@ -96,14 +101,17 @@ impl RotorEffectiveness {
         self.last = None;
     }
 
-    /// Learns from the control period before this `state`, in which the targets of the last call turned the rotors, and
-    /// remembers the rotor `targets` \[rad/s\] that a controller asks for now. Values that are not finite teach nothing.
-    pub fn learn(&mut self, state: &State<f32>, targets: &[f32; 4], secs: f32) {
-        let asked = targets.map(|target| target * target / self.hover_speed_squared);
-        let Some((velocity, asked)) = self.last.replace((state.velocity, asked)) else { return };
+    /// Learns from the control period before this `state`, in which the rotor speeds of the last call were commanded, and
+    /// remembers the `commanded` ones of now \[rad/s\], which may be [`Self::compensated`]. Values that are not finite teach
+    /// nothing.
+    pub fn learn(&mut self, state: &State<f32>, commanded: &[f32; 4], secs: f32) {
+        let commanded = commanded.map(|speed| speed * speed / self.hover_speed_squared);
+        let Some((velocity, commanded)) = self.last.replace((state.velocity, commanded)) else { return };
+        let shares = self.shares();
+        let thrusts: [f32; 4] = core::array::from_fn(|rotor| shares[rotor] * commanded[rotor]);
         let up = state.world_from_body.rotate(Vector3::new(0.0, 0.0, 1.0));
         let [p, q, r] = state.body_rates.into();
-        let lift = 0.25 * ((asked[0] + asked[1]) + (asked[2] + asked[3]));
+        let lift = 0.25 * ((thrusts[0] + thrusts[1]) + (thrusts[2] + thrusts[3]));
         let is_calm = (p * p + q * q) + r * r < BODY_RATE_LIMIT * BODY_RATE_LIMIT;
         let change = Vector3::new(
             (state.velocity.x - velocity.x) / secs,
@@ -115,9 +123,11 @@ impl RotorEffectiveness {
         if !is_instructive {
             return;
         }
-        let gain = secs / LEARNING_SECS;
+        let [x, y, z] = velocity.into();
+        let slowness = SLOW * SLOW / (SLOW * SLOW + ((x * x + y * y) + z * z));
+        let gain = slowness * slowness * secs / LEARNING_SECS;
         let lacking = |pattern: &[f32; 4]| {
-            let [a, b, c, d] = core::array::from_fn(|rotor| pattern[rotor] * asked[rotor]);
+            let [a, b, c, d] = core::array::from_fn(|rotor| pattern[rotor] * thrusts[rotor]);
             let [w, x, y, z] = pattern.map(|part| part * part);
             -((a + b) + (c + d)) / ((w + x) + (y + z)).at_least(1.0)
         };

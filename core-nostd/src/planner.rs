@@ -436,11 +436,12 @@ impl Planner {
             let place = grid.place(node);
             for (other, step) in grid.around(node, place) {
                 let known = &mut open.nodes[usize::from(other)].length;
-                // Most are behind.
-                if *known <= length {
+                let spacing = LENGTHS[usize::from(step.axes)];
+                // Most are behind, or known by a way that none from here undercuts.
+                if *known <= length + spacing * (own + u32::from(OPEN)) {
                     continue;
                 }
-                let found = length + LENGTHS[usize::from(step.axes)] * (own + self.count(map, other));
+                let found = length + spacing * (own + self.count(map, other));
                 if found < *known {
                     let before = core::mem::replace(known, found);
                     if before != UNKNOWN {

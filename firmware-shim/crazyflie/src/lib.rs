@@ -221,8 +221,8 @@ impl KestrelPilot {
         let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
         let mut speeds = pilot.tick_towards(measurements, &state, &setpoint);
         if let Some(effectiveness) = &mut flyer.effectiveness {
-            effectiveness.learn(&state, &speeds, pilot.metadata().control_period_secs);
             speeds = effectiveness.compensated(&speeds);
+            effectiveness.learn(&state, &speeds, pilot.metadata().control_period_secs);
         }
         answer(pilot.metadata(), speeds, thrusts)
     }

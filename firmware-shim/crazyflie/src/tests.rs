@@ -360,7 +360,7 @@ fn weak_rotors_are_learned_when_it_is_asked_for_and_driven_harder() {
         assert_eq!(kestrel_tick(&mut plain, &here, &[0.0, 0.0, 1.0, 0.0], &mut sound), KESTREL_OK);
     }
     let shares = shares_of(&mut pilot);
-    assert!(shares.iter().all(|share| (0.5..0.95).contains(share)), "{shares:?}");
+    assert!(shares.iter().all(|share| (0.4..0.95).contains(share)), "{shares:?}");
     assert!(thrusts.iter().sum::<f32>() > sound.iter().sum(), "{thrusts:?} {sound:?}");
     assert_eq!(shares_of(&mut plain), [1.0; 4]);
     kestrel_reset(&mut pilot);

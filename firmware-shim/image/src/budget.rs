@@ -79,8 +79,8 @@ fn compensate() -> Result<(), PolicyError> {
         let calm =
             State { world_from_body: Attitude::level(), body_rates: Vector3::zeros(), ..flying(&mut inputs) };
         window("compensate", "float32", || {
-            effectiveness.learn(black_box(&calm), &[hover; 4], 0.01);
-            black_box(effectiveness.compensated(&[hover; 4]));
+            let targets = effectiveness.compensated(black_box(&[hover; 4]));
+            effectiveness.learn(black_box(&calm), &targets, 0.01);
         });
     }
     Ok(())

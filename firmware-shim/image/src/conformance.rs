@@ -182,9 +182,9 @@ fn compensated_ticks(policy: &PolicyFile<'_>) -> Digest {
             body_rates: inputs.vector(),
             ..inputs.state()
         };
-        let targets = pilot.tick(&state, &goal);
+        let targets = effectiveness.compensated(&pilot.tick(&state, &goal));
         effectiveness.learn(&state, &targets, metadata.control_period_secs);
-        digest.add(&effectiveness.compensated(&targets));
+        digest.add(&targets);
         digest.add(&effectiveness.shares());
     }
     digest

@@ -126,12 +126,13 @@ impl<P: PolicyBackend> Controllers<P> {
     /// Rotor targets \[rad/s\], in flight, with which a drone of weak rotors does what it would do by these targets if they were
     /// sound; where it flies freely it learns how weak they are.
     pub fn compensated(&mut self, state: &State<f32>, targets: &[f32; 4], secs: f32, is_free: bool) -> [f32; 4] {
+        let commanded = self.limited(self.effectiveness.compensated(targets));
         if is_free {
-            self.effectiveness.learn(state, targets, secs);
+            self.effectiveness.learn(state, &commanded, secs);
         } else {
             self.effectiveness.pause();
         }
-        self.limited(self.effectiveness.compensated(targets))
+        commanded
     }
 
     /// Counts how long the policy is silent, or keeps a rotor at `least` or at its greatest speed \[rad/s\].

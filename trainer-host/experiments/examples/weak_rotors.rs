@@ -1,5 +1,5 @@
 //! Pilots that come with Kestrel, on drones whose rotors have become weak: without anything, and with what makes up for weak
-//! rotors ([`RotorEffectiveness`]), learned in twenty seconds of hovering before.
+//! rotors ([`RotorEffectiveness`]), which each drone has learned in twenty seconds of hovering before.
 //!
 //! `cargo run --release -p kestrel-experiments --example weak_rotors` prints the table of docs/microcontrollers.md, in about four
 //! minutes on two cores.
@@ -8,7 +8,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use kestrel_core::action::{ControlMemory, Controls};
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls};
 use kestrel_core::effectiveness::RotorEffectiveness;
 use kestrel_core::pilot::{PolicyRunner, StatePolicy};
 use kestrel_core::policy_file::{Aligned, PolicyAirframe, PolicyScratch};
@@ -16,7 +16,7 @@ use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_experiments::experiment_config;
 use kestrel_experiments::statistics::proportion::wilson;
-use kestrel_sim::scenario::Scenario;
+use kestrel_sim::scenario::{Scenario, Success};
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::Simulation;
 
@@ -33,7 +33,7 @@ const HOVERING_SECS: f32 = 20.0;
 const POLICY_BYTES: usize = 1 << 16;
 
 /// Rooms, and who flies them: the policy of all Cross rooms, and policies of one room each.
-const TASKS: [(&str, &str); 17] = [
+const TASKS: [(&str, &str); 16] = [
     ("aviaries/incremental-cross-0", "crosses"),
     ("aviaries/incremental-cross-1", "crosses"),
     ("aviaries/incremental-cross-2", "crosses"),
@@ -50,7 +50,6 @@ const TASKS: [(&str, &str); 17] = [
     ("aviaries/room-0", "room-0"),
     ("aviaries/room-1", "room-1"),
     ("aviaries/room-2", "room-2"),
-    ("aviaries/land", "land"),
 ];
 
 /// What has happened to a drone: the share of its thrust that each rotor makes. Another rotor is the worn one in every drone.
@@ -87,15 +86,15 @@ fn successes(
     compensates: bool,
     seeds: u64,
 ) -> Result<usize, Box<dyn Error>> {
-    let (hover, room) = (Pilot::load("hover", "hover")?, Pilot::load(task, pilot)?);
+    let pilot = Pilot::load(task, pilot)?;
     let mut successes = 0;
     for seed in (0..seeds).map(Seed) {
-        let mut drones = Drone::all(&room.scenario, fault);
+        let mut drones = Drone::all(&pilot.scenario, fault);
         if compensates {
             drones.iter_mut().for_each(|drone| drone.compensates = true);
-            hover.fly(seed, &mut drones, Some(HOVERING_SECS))?;
+            pilot.hover(seed, &mut drones);
         }
-        successes += room.fly(seed, &mut drones, None)?;
+        successes += pilot.fly(seed, &mut drones)?;
     }
     Ok(successes)
 }
@@ -119,12 +118,12 @@ impl Drone {
 
     /// How fast the rotors of a sound drone would turn for the same thrust \[rad/s\].
     fn turned(&mut self, state: &State<f32>, targets: [f32; 4], secs: f32) -> [f32; 4] {
-        let mut turned = targets;
+        let mut commanded = targets;
         if self.compensates {
-            self.effectiveness.learn(state, &targets, secs);
-            turned = self.effectiveness.compensated(&targets);
+            commanded = self.effectiveness.compensated(&targets);
+            self.effectiveness.learn(state, &commanded, secs);
         }
-        core::array::from_fn(|rotor| turned[rotor] * self.truth[rotor].sqrt())
+        core::array::from_fn(|rotor| commanded[rotor] * self.truth[rotor].sqrt())
     }
 }
 
@@ -145,39 +144,72 @@ impl Pilot {
         Ok(Self { scenario: experiment.evaluation.scenario, policy, len: bytes.len() })
     }
 
-    /// Flies an episode with each drone, or for some seconds whatever ends; how many succeed.
-    fn fly(&self, seed: Seed, drones: &mut [Drone], secs: Option<f32>) -> Result<usize, Box<dyn Error>> {
-        let policy = StatePolicy::parse(&self.policy.0[..self.len])?;
-        let control_secs = 1.0 / self.scenario.physics.control_rate_hz as f32;
-        let (actions, controls) = (self.scenario.action.len(), Controls::new(&self.scenario.action));
-        let mut simulation = Simulation::<64>::new(&self.scenario, seed, 0, DRONES);
-        let mut pilots: Vec<_> = (0..DRONES).map(|_| (policy.clone(), ControlMemory::new(), None)).collect();
-        let mut scratch = PolicyScratch::new();
-        drones.iter_mut().for_each(|drone| drone.effectiveness.pause());
-        let mut periods = secs.map(|secs| (secs / control_secs) as u32);
-        while periods != Some(0) && pilots.iter().any(|(_, _, success)| success.is_none()) {
-            let (mut columns, mut speeds) = (vec![0.0; actions * DRONES], vec![[0.0; 4]; DRONES]);
-            for (row, ((policy, memory, _), drone)) in pilots.iter_mut().zip(&mut *drones).enumerate() {
-                let observed = simulation.observations().iter().skip(row).step_by(DRONES);
-                let action = policy.act(&observed.copied().collect::<Vec<f32>>(), &mut scratch);
-                let (state, setpoint) = (simulation.known_state(row), Setpoint::at(simulation.goal(row)));
-                let targets = controls.rotor_targets(&action, &state, &setpoint, memory, control_secs);
-                speeds[row] = drone.turned(&state, targets, control_secs);
-                for (column, value) in columns.iter_mut().skip(row).step_by(DRONES).zip(action) {
-                    *column = value;
-                }
-            }
-            simulation.step_with_rotor_speeds(&columns, &speeds);
-            for episode in simulation.take_episodes() {
-                let (policy, memory, success) = &mut pilots[episode.environment as usize];
-                policy.reset();
-                *memory = ControlMemory::new();
-                drones[episode.environment as usize].effectiveness.pause();
-                *success = success.or_else(|| secs.is_none().then_some(episode.success));
-            }
-            periods = periods.map(|left| left - 1);
+    /// Holds each drone of the first episodes of a seed where it starts, by the controller of velocities behind the policy.
+    fn hover(&self, seed: Seed, drones: &mut [Drone]) {
+        let scenario = Scenario {
+            terminations: Vec::new(),
+            success: Success::Ending,
+            episode_secs: f32::INFINITY,
+            ..self.scenario.clone()
+        };
+        let mut flight = Flight::new(&scenario, seed);
+        for _ in 0..(HOVERING_SECS / flight.control_secs) as u32 {
+            flight.step(drones, |_, _| [0.0; ACTION_LIMIT]);
         }
-        Ok(pilots.iter().filter(|(_, _, success)| *success == Some(true)).count())
+    }
+
+    /// Flies the first episodes of a seed, one with each drone; how many succeed.
+    fn fly(&self, seed: Seed, drones: &mut [Drone]) -> Result<usize, Box<dyn Error>> {
+        let policy = StatePolicy::parse(&self.policy.0[..self.len])?;
+        let mut policies: Vec<_> = (0..DRONES).map(|_| policy.clone()).collect();
+        let mut outcomes = [None; DRONES];
+        let (mut flight, mut scratch) = (Flight::new(&self.scenario, seed), PolicyScratch::new());
+        drones.iter_mut().for_each(|drone| drone.effectiveness.pause());
+        while outcomes.contains(&None) {
+            flight.step(drones, |row, observation| policies[row].act(observation, &mut scratch));
+            for episode in flight.simulation.take_episodes() {
+                outcomes[episode.environment as usize].get_or_insert(episode.success);
+            }
+        }
+        Ok(outcomes.iter().filter(|success| **success == Some(true)).count())
+    }
+}
+
+/// Drones in their tasks, and the controllers behind their actions.
+struct Flight {
+    simulation: Simulation<64>,
+    controls: Controls<f32>,
+    memories: Vec<ControlMemory<f32>>,
+    control_secs: f32,
+}
+
+impl Flight {
+    fn new(scenario: &Scenario, seed: Seed) -> Self {
+        Self {
+            simulation: Simulation::new(scenario, seed, 0, DRONES),
+            controls: Controls::new(&scenario.action),
+            memories: (0..DRONES).map(|_| ControlMemory::new()).collect(),
+            control_secs: 1.0 / scenario.physics.control_rate_hz as f32,
+        }
+    }
+
+    /// A control period, with an action on the observation of each drone.
+    fn step(&mut self, drones: &mut [Drone], mut act: impl FnMut(usize, &[f32]) -> [f32; ACTION_LIMIT]) {
+        let simulation = &mut self.simulation;
+        let mut actions = vec![0.0; simulation.scenario().action.len() * DRONES];
+        let mut speeds = vec![[0.0; 4]; DRONES];
+        for (row, (drone, memory)) in drones.iter_mut().zip(&mut self.memories).enumerate() {
+            let observation: Vec<f32> =
+                simulation.observations().iter().skip(row).step_by(DRONES).copied().collect();
+            let action = act(row, &observation);
+            let (state, setpoint) = (simulation.known_state(row), Setpoint::at(simulation.goal(row)));
+            let targets = self.controls.rotor_targets(&action, &state, &setpoint, memory, self.control_secs);
+            speeds[row] = drone.turned(&state, targets, self.control_secs);
+            for (slot, value) in actions.iter_mut().skip(row).step_by(DRONES).zip(action) {
+                *slot = value;
+            }
+        }
+        simulation.step_with_rotor_speeds(&actions, &speeds);
     }
 }
 
