@@ -9,7 +9,7 @@
 //! sᵢ = 1 + Σ d_p pᵢ      fᵢ = sᵢ Ωᵢ² / Ω_h²        κ = period / 2 s, of a drone at rest
 //! ```
 //!
-//! with the rotor speeds Ω that were commanded, Ω_h where the drone hovers, and what each rotor does to lift, roll, pitch
+//! with the rotor speeds Ω that were commanded, `Ω_h` where the drone hovers, and what each rotor does to lift, roll, pitch
 //! and yaw, one at most (p). A controller's targets u then become Ωᵢ² = uᵢ² / sᵢ. Neither inertia nor the length of the levers is needed, nor how much torque a
 //! rotor has about z. The policy stays as it is: what has changed is the drone, and there is nothing that it could
 //! forget. Adaptive control allocation by the effectiveness of actuators, as Smeur, Chu and de Croon 2016 ("Adaptive
@@ -46,6 +46,9 @@ const SLOW: f32 = 0.5;
 
 /// Greatest part of the weight that one control period may seem to lack.
 const RESIDUAL_LIMIT: f32 = 0.5;
+
+/// Squared speed, as a share of the greatest, below which no rotor is slowed down for others: a stopped one comes back late.
+const IDLE: f32 = 0.02;
 
 /// Lift, roll, pitch and yaw.
 const PATTERNS: usize = 4;
@@ -146,7 +149,11 @@ impl RotorEffectiveness {
         let wanted: [f32; 4] = core::array::from_fn(|rotor| targets[rotor] * targets[rotor] / shares[rotor]);
         let excess =
             wanted.iter().fold(0.0_f32, |excess, squared| excess.at_least(squared - self.speed_squared_limit));
-        wanted.map(|squared| (squared - excess).limited(0.0, self.speed_squared_limit).sqrt())
+        let idle = IDLE * self.speed_squared_limit;
+        wanted.map(|squared| {
+            let left = (squared - excess).at_least(squared.at_most(idle));
+            left.limited(0.0, self.speed_squared_limit).sqrt()
+        })
     }
 }
 

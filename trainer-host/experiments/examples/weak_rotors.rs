@@ -30,7 +30,7 @@ const SEEDS: u64 = 16;
 const HOVERING_SECS: f32 = 20.0;
 
 /// Bytes of the largest policy.
-const POLICY_BYTES: usize = 1 << 16;
+const POLICY_BYTES: usize = 1 << 14;
 
 /// Rooms, and who flies them: the policy of all Cross rooms, and policies of one room each.
 const TASKS: [(&str, &str); 16] = [
@@ -91,7 +91,9 @@ fn successes(
     for seed in (0..seeds).map(Seed) {
         let mut drones = Drone::all(&pilot.scenario, fault);
         if compensates {
-            drones.iter_mut().for_each(|drone| drone.compensates = true);
+            for drone in &mut drones {
+                drone.compensates = true;
+            }
             pilot.hover(seed, &mut drones);
         }
         successes += pilot.fly(seed, &mut drones)?;
@@ -164,7 +166,9 @@ impl Pilot {
         let mut policies: Vec<_> = (0..DRONES).map(|_| policy.clone()).collect();
         let mut outcomes = [None; DRONES];
         let (mut flight, mut scratch) = (Flight::new(&self.scenario, seed), PolicyScratch::new());
-        drones.iter_mut().for_each(|drone| drone.effectiveness.pause());
+        for drone in &mut *drones {
+            drone.effectiveness.pause();
+        }
         while outcomes.contains(&None) {
             flight.step(drones, |row, observation| policies[row].act(observation, &mut scratch));
             for episode in flight.simulation.take_episodes() {
