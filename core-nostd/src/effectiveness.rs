@@ -85,6 +85,7 @@ impl RotorEffectiveness {
     }
 
     /// What share of its thrust each rotor makes, within [`SHARES`].
+    #[inline(never)]
     pub fn shares(&self) -> [f32; 4] {
         let [lift, turns @ ..] = self.deviations;
         core::array::from_fn(|rotor| {
@@ -144,6 +145,7 @@ impl RotorEffectiveness {
 
     /// Rotor targets \[rad/s\] with which the drone does what `targets` would do to the one that it should be. What a rotor
     /// cannot make is taken from all alike, so that the drone sinks and does not tip over.
+    #[inline(never)]
     pub fn compensated(&self, targets: &[f32; 4]) -> [f32; 4] {
         let shares = self.shares();
         let wanted: [f32; 4] = core::array::from_fn(|rotor| targets[rotor] * targets[rotor] / shares[rotor]);

@@ -111,11 +111,14 @@ fn what_it_has_learned_is_forgotten_when_it_is_told_so() {
     assert_eq!(effectiveness, of(&CF2X));
 }
 
+/// Of what is known, of the state and of the rotor targets in a control period.
+type Change<'a> = &'a dyn Fn(&mut RotorEffectiveness, &mut State<f32>, &mut [f32; 4]);
+
 #[test]
 fn nothing_is_learned_on_the_ground_in_steep_flight_and_across_a_pause() {
     let hover = [CF2X.hover_rotor_speed() as f32; 4];
     let falling = |index: usize| State { velocity: Vector3::new(0.0, 0.0, -0.002 * index as f32), ..still(&CF2X) };
-    let learned = |change: &dyn Fn(&mut RotorEffectiveness, &mut State<f32>, &mut [f32; 4])| {
+    let learned = |change: Change<'_>| {
         let mut effectiveness = of(&CF2X);
         for index in 0..100 {
             let (mut state, mut targets) = (falling(index), hover);
@@ -127,7 +130,7 @@ fn nothing_is_learned_on_the_ground_in_steep_flight_and_across_a_pause() {
     assert!(learned(&|_, _, _| ()));
     assert!(!learned(&|_, _, targets| *targets = targets.map(|target| 0.3 * target)));
     // About x by 0.8 rad.
-    let tilted = Attitude { w: 0.92106, x: 0.389418, y: 0.0, z: 0.0 };
+    let tilted = Attitude { w: 0.921_06, x: 0.389_42, y: 0.0, z: 0.0 };
     assert!(!learned(&|_, state, _| state.world_from_body = tilted));
     assert!(!learned(&|_, state, _| state.body_rates.x = 4.0));
     assert!(!learned(&|_, state, _| state.velocity.x = f32::NAN));
