@@ -177,6 +177,9 @@ static float duty_of(float share) {
   return duty < 1.0f ? duty : 1.0f;
 }
 
+/* Share of the greatest thrust below which no rotor is slowed down for others: a stopped one comes back late. */
+#define IDLE 0.02f
+
 /* What the firmware calls normalized forces: shares of the greatest thrust, or duty cycles. A policy may have been trained with
  * stronger motors. What is missing is taken from all rotors alike, so that the drone sinks and does not tip over. */
 static void command(control_t *control) {
@@ -189,7 +192,8 @@ static void command(control_t *control) {
   control->controlMode = controlModeForce;
   for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
     const float left = thrusts[rotor] - excess;
-    const float share = left > 0.0f ? left / limit : 0.0f;
+    const float least = thrusts[rotor] < IDLE * limit ? thrusts[rotor] : IDLE * limit;
+    const float share = (left > least ? left : least) / limit;
     control->normalizedForces[rotor] = pwm ? duty_of(share) : share;
   }
 }

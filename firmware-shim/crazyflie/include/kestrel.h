@@ -3,13 +3,14 @@
 #ifndef KESTREL_H
 #define KESTREL_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 /*
  Words of a `KestrelPilot`: one with the feature `recurrent` needs them all, and C does not know which it is linked with.
  */
-#define KESTREL_PILOT_WORDS 452
+#define KESTREL_PILOT_WORDS 468
 
 /*
  A pilot takes place and flies.

@@ -24,7 +24,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 /// Words of a `KestrelPilot`: one with the feature `recurrent` needs them all, and C does not know which it is linked with.
-pub const KESTREL_PILOT_WORDS: usize = 452;
+pub const KESTREL_PILOT_WORDS: usize = 468;
 
 /// The same in this build: more than C has room for where the core has features that this library does not ask for, as when the
 /// whole workspace is built.

@@ -95,7 +95,7 @@ static float thrust_of(float command) {
 }
 
 /* Whether the motors get what the policy asked for, in shares of the weight: a rotor that shall carry a quarter of the weight gets
- * the thrust that this firmware's own constants say, less what one of them cannot give. */
+ * the thrust that this firmware's own constants say, less what one of them cannot give, but a fiftieth of the greatest at least. */
 static bool carries(const control_t *control) {
   const float quarter_weight = CF_MASS * 9.81f / 4.0f;
   const float greatest = GREATEST;
@@ -107,8 +107,9 @@ static bool carries(const control_t *control) {
   }
   bool all = true;
   for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
-    const float left = *(const float *)asked[rotor] * quarter_weight - excess;
-    const float most = thrust_of(1.0f), wanted = left < 0.0f ? 0.0f : left < most ? left : most;
+    const float thrust = *(const float *)asked[rotor] * quarter_weight, left = thrust - excess;
+    const float least = thrust < 0.02f * greatest ? thrust : 0.02f * greatest;
+    const float most = thrust_of(1.0f), wanted = left < least ? least : left < most ? left : most;
     const float error = thrust_of(control->normalizedForces[rotor]) - wanted;
     all = all && error < 1e-4f * greatest && error > -1e-4f * greatest;
   }
