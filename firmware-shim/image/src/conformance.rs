@@ -7,7 +7,7 @@ use kestrel_core::effectiveness::RotorEffectiveness;
 use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyScratch};
+use kestrel_core::policy_file::{Arithmetic, PolicyAirframe, PolicyError, PolicyFile, PolicyScratch};
 #[cfg(feature = "encoder")]
 use kestrel_core::policy_file::{RecurrentPolicy, VisionPolicy};
 use kestrel_core::vehicle::State;
@@ -83,7 +83,10 @@ fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
         }
     }
     line(artifact, arithmetic, "2,000 ticks", ticks(&policy));
-    line(artifact, arithmetic, "2,000 ticks with weak rotors", compensated_ticks(&policy));
+    if let Some(airframe) = &policy.metadata().airframe {
+        let digest = compensated_ticks(&policy, airframe);
+        line(artifact, arithmetic, "2,000 ticks with weak rotors", digest);
+    }
     Ok(())
 }
 
@@ -167,11 +170,10 @@ fn ticks(policy: &PolicyFile<'_>) -> Digest {
 }
 
 /// The same of a drone that flies calmly, whose rotors are learned.
-fn compensated_ticks(policy: &PolicyFile<'_>) -> Digest {
+fn compensated_ticks(policy: &PolicyFile<'_>, airframe: &PolicyAirframe) -> Digest {
     let mut pilot = Pilot::new(policy.clone());
     let metadata = policy.metadata();
     let (mut inputs, mut digest) = (Inputs::new(7), Digest::new());
-    let Some(airframe) = &metadata.airframe else { return digest };
     let (hover, limit) = (metadata.action.hover_speed_squared(), metadata.action.rotor_speed_limit());
     let mut effectiveness = RotorEffectiveness::new(airframe, hover, limit);
     for _ in 0..TICKS {
