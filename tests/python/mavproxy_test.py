@@ -166,8 +166,8 @@ class Flight:
 
     def keeps_armed_after_landing(self):
         """So that it is MAVProxy that disarms."""
-        self.console.says("param set COM_DISARM_LAND 30", ">")
-        self.sees("COM_DISARM_LAND", "30.0")
+        self.console.says("param set COM_DISARM_LAND 60", ">")
+        self.sees("COM_DISARM_LAND", "60.0")
 
     def sees(self, name, value, within_secs=5.0):
         """Until a parameter has a value: MAVProxy shows the one that it was told last."""

@@ -140,6 +140,7 @@ mod tests {
             let other = match before.get(parameter) {
                 ParameterValue::Real(value) => ParameterValue::Real(value + 0.01),
                 ParameterValue::Integer(_) if parameter == Parameter::ComLowBatAct => ParameterValue::Integer(0),
+                ParameterValue::Integer(_) if parameter == Parameter::RlCompRotors => ParameterValue::Integer(1),
                 ParameterValue::Integer(value) => ParameterValue::Integer([2, 1][usize::from(value == 2)]),
             };
             if parameter == Parameter::RlOneOperator {
