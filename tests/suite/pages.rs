@@ -27,7 +27,10 @@ fn listed(pattern: &str) -> Vec<String> {
         .unwrap();
     let names = String::from_utf8(listed.stdout).unwrap();
     let names = names.split('\0').filter(|name| !name.is_empty() && repository().join(name).is_file());
-    names.map(str::to_owned).collect()
+    let names: Vec<String> = names.map(str::to_owned).collect();
+    // Outside of a clone of the repository there would be nothing to look at, and everything right.
+    assert!(!names.is_empty(), "git lists no {pattern} in {}", repository().display());
+    names
 }
 
 /// Paths of all pages, and their texts.
