@@ -6,17 +6,17 @@
 //! ```text
 //! d₀' = d₀ + κ (a_z / g − Σ fᵢ / 4)                specific force along body z, and the thrust that rotors should make
 //! d_p' = d_p − κ Σ pᵢfᵢ / Σ pᵢ²                    p: roll, pitch, yaw; over seconds the torques of a drone that flies are zero
-//! sᵢ = 1 + Σ d_p pᵢ      fᵢ = sᵢ Ωᵢ² / Ω_h²        κ = period / 2 s, of a drone at rest
+//! sᵢ = 1 + Σ d_p pᵢ      fᵢ = sᵢ Ωᵢ² / Ω_h²        κ = (period / 2 s) / (1 + (speed / 0.5 m/s)²)²
 //! ```
 //!
 //! with the rotor speeds Ω that were commanded, `Ω_h` where the drone hovers, and what each rotor does to lift, roll, pitch
-//! and yaw, one at most (p). A controller's targets u then become Ωᵢ² = uᵢ² / sᵢ. Neither inertia nor the length of the levers is needed, nor how much torque a
-//! rotor has about z. The policy stays as it is: what has changed is the drone, and there is nothing that it could
-//! forget. Adaptive control allocation by the effectiveness of actuators, as Smeur, Chu and de Croon 2016 ("Adaptive
+//! and yaw, one at most (p). A controller's targets u then become Ωᵢ² = uᵢ² / sᵢ. Neither inertia nor the length of the
+//! levers is needed, nor how much torque a rotor has about z. The policy stays as it is: what has changed is the drone,
+//! and there is nothing that it could forget. Adaptive control allocation by the effectiveness of actuators, as Smeur, Chu and de Croon 2016 ("Adaptive
 //! incremental nonlinear dynamic inversion for attitude control of micro air vehicles") identify it by least mean squares.
 //!
 //! The air turns a drone as well: the faster it is, the less is learned. In steep flight nothing is, and neither on the
-//! ground, where rotors idle. 116 bytes; never panics.
+//! ground, where rotors idle. 104 bytes; never panics.
 
 use nalgebra::Vector3;
 

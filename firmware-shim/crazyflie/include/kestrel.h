@@ -58,7 +58,7 @@
 #define KESTREL_UNMEASURED 107
 
 /*
- The policy does not say what drone it was trained for: its file is of before 0.1, or imported.
+ The policy does not say what drone it was trained for, as files of before that was written.
  */
 #define KESTREL_NO_AIRFRAME 108
 

@@ -60,7 +60,7 @@ pub const KESTREL_ANSWER: i32 = 106;
 /// The policy sees another number of measurements than it is shown, or one of them is not finite.
 pub const KESTREL_UNMEASURED: i32 = 107;
 
-/// The policy does not say what drone it was trained for: its file is of before 0.1, or imported.
+/// The policy does not say what drone it was trained for, as files of before that was written.
 pub const KESTREL_NO_AIRFRAME: i32 = 108;
 
 /// Memory of a pilot. All zero, it is one without a policy.

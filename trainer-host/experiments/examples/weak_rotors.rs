@@ -1,8 +1,8 @@
 //! Pilots that come with Kestrel, on drones whose rotors have become weak: without anything, and with what makes up for weak
 //! rotors ([`RotorEffectiveness`]), which each drone has learned in twenty seconds of hovering before.
 //!
-//! `cargo run --release -p kestrel-experiments --example weak_rotors` prints the table of docs/microcontrollers.md, in about four
-//! minutes on two cores.
+//! `cargo run --release -p kestrel-experiments --example weak_rotors` prints the table of docs/microcontrollers.md, in about seven
+//! minutes of one core.
 
 use std::error::Error;
 use std::fs;
