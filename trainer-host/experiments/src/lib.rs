@@ -17,6 +17,7 @@ pub mod foreign_actor;
 #[cfg(test)]
 pub(crate) mod golden;
 pub mod interrupt;
+mod known_way;
 pub mod learner;
 pub mod multi_task_run;
 pub mod obstruction;

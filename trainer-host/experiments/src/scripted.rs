@@ -8,14 +8,21 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::termination::Termination;
 use nalgebra::Vector3;
 
-/// Gains of the position loop \[1/s³, 1/s², 1/s\]: the best of five sets on the hover task; faster loops meet the
-/// rotors' lag and oscillate.
-const INTEGRAL_GAIN: f32 = 3.0;
+/// Gains of the position loop \[1/s², 1/s\]: the best of five sets on the hover task; faster loops meet the rotors' lag and
+/// oscillate.
 const POSITION_GAIN: f32 = 6.0;
 const VELOCITY_GAIN: f32 = 4.5;
-/// Greatest acceleration that the integral may ask for, against wind and a wrong mass \[m/s²\].
+/// How fast it learns by how much the drone accelerates otherwise than it asks for \[1/s\], in wind, with a wrong mass, with
+/// rotors that differ, and how much of that it makes up for \[m/s²\].
+const OBSERVER_GAIN: f32 = 3.0;
+const OBSERVER_LIMIT: f32 = 8.0;
+/// What it asks for has come about after this time \[s\], and it learns nothing while thrust leads elsewhere: cosine between.
+const LAG_SECS: f32 = 0.25;
+const ALIGNED: f32 = 0.9;
+/// Published drones are as they are known, but can hardly do what they are asked for: there the error of the position is
+/// integrated \[1/s³\], up to a limit \[m/s²\] and this close to the goal \[m\], so that a long way does not wind it up.
+const INTEGRAL_GAIN: f32 = 3.0;
 const INTEGRAL_LIMIT: f32 = 3.0;
-/// Errors count in the integral only this close to the goal, so that a long way does not wind it up \[m\].
 const INTEGRAL_RANGE_M: f32 = 0.3;
 /// Farther goals pull no harder than this \[m\], which limits the speed to 1.1 m/s.
 const LEASH_M: f32 = 0.8;
@@ -49,8 +56,12 @@ pub struct ScriptedPilot {
     action: ActionSpace,
     rates: ThrustBodyRates,
     control_secs: f32,
-    /// Acceleration \[m/s²\] that the integral of the error asks for, world.
-    integral: Vector3<f32>,
+    /// Acceleration \[m/s², world\] that it asks for beside what leads to the goal, as it has found to be lacking.
+    upkeep: Vector3<f32>,
+    /// What should have come about by now of what it was asked for \[m/s², world\], and its velocity a period ago \[m/s, world\];
+    /// nobody knows before the first action.
+    expected: Option<Vector3<f32>>,
+    before: Option<Vector3<f32>>,
     /// Points to fly through \[m, world\].
     route: Vec<Vector3<f32>>,
     /// How many of them it has passed.
@@ -62,10 +73,17 @@ pub struct ScriptedPilot {
 }
 
 /// What to fly towards \[m, world\].
-struct Aim {
+pub(crate) struct Aim {
     target: Vector3<f32>,
-    /// From the drone to where it should be by now: what the integral counts.
+    /// From the drone to where it should be by now.
     drift: Vector3<f32>,
+}
+
+impl Aim {
+    /// At a point, without a line that leads to it.
+    pub(crate) fn at(target: Vector3<f32>, position: &Vector3<f32>) -> Self {
+        Self { target, drift: target - position }
+    }
 }
 
 impl ScriptedPilot {
@@ -73,13 +91,14 @@ impl ScriptedPilot {
     pub fn new(airframe: &Airframe, action: &ActionSpace, control_secs: f32) -> Self {
         let reserve = airframe.thrust_limit() / (airframe.mass * GRAVITY) - 1.0;
         let rates = ThrustBodyRates::new(airframe, reserve as f32, [6.0, 6.0, 3.0], RATE_GAINS);
-        let (integral, route) = (Vector3::zeros(), Vec::new());
         Self {
             action: *action,
             rates,
             control_secs,
-            integral,
-            route,
+            upkeep: Vector3::zeros(),
+            expected: None,
+            before: None,
+            route: Vec::new(),
             passed: 0,
             departure: None,
             touch_leash: LEASH_M,
@@ -119,9 +138,11 @@ impl ScriptedPilot {
         self.route.extend_from_slice(route);
     }
 
-    /// Forgets the integral and the way already flown, as at the start of an episode.
+    /// Forgets what pushed it and the way already flown, as at the start of an episode.
     pub fn reset(&mut self) {
-        self.integral = Vector3::zeros();
+        self.upkeep = Vector3::zeros();
+        self.expected = None;
+        self.before = None;
         self.passed = 0;
         self.departure = None;
     }
@@ -130,20 +151,82 @@ impl ScriptedPilot {
     /// behind the last; only as far as the action space lets it: up and down in those of one dimension, nowhere in `tun`, whose
     /// controller follows the task by itself.
     pub fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
-        self.lead(state, goal, (goal - state.position).norm())
+        let aim = self.aim(&state.position, goal);
+        self.lead(state, &aim, (goal - state.position).norm())
     }
 
-    /// As [`Self::act`], towards a point on a way whose end is `distance` metres away.
-    pub(crate) fn lead(&mut self, state: &State<f32>, goal: &Vector3<f32>, distance: f32) -> [f32; ACTION_LIMIT] {
-        let Aim { target, drift } = self.aim(&state.position, goal);
+    /// The action that flies `state` on a way whose end is `distance` metres away.
+    pub(crate) fn lead(&mut self, state: &State<f32>, aim: &Aim, distance: f32) -> [f32; ACTION_LIMIT] {
+        let error = self.heeded(state, &aim.target, distance);
+        let wish = match &self.action {
+            ActionSpace::Velocities(space) => {
+                let wish = pull(&error, LEASH_M) * POSITION_GAIN + self.upkeep;
+                Some((wish / VELOCITY_GAIN - state.velocity) * space.velocity_gain)
+            }
+            ActionSpace::RotorSpeeds(_)
+            | ActionSpace::RotorThrusts(_)
+            | ActionSpace::ThrustTorques(_)
+            | ActionSpace::ThrustBodyRates(_)
+            | ActionSpace::RateLoop(_)
+            | ActionSpace::IntegralVelocities(_) => Some(wish(state, &error) + self.upkeep),
+            ActionSpace::Reference(_) => None,
+        };
+        match wish {
+            Some(asked) => self.observe(state, asked),
+            None => self.integrate(&aim.drift),
+        }
+        self.fly(state, &aim.target, &error, &self.upkeep)
+    }
+
+    /// Learns from a period of flight how far the drone's acceleration is from what it asked for, unless it is still turning to
+    /// where it is to accelerate; counts on what it asks for now to come about in a while.
+    fn observe(&mut self, state: &State<f32>, asked: Vector3<f32>) {
+        let before = self.before.replace(state.velocity);
+        if let (Some(before), Some(expected)) = (before, self.expected) {
+            let push = expected + Vector3::new(0.0, 0.0, GRAVITY as f32);
+            if state.world_from_body.body_z().dot(&push.normalize()) >= ALIGNED {
+                let seen = (state.velocity - before) / self.control_secs;
+                self.upkeep += (expected - seen - self.upkeep) * (OBSERVER_GAIN * self.control_secs);
+                self.upkeep *= OBSERVER_LIMIT / self.upkeep.norm().max(OBSERVER_LIMIT);
+            }
+        }
+        let expected = self.expected.get_or_insert_with(Vector3::zeros);
+        *expected += (asked - *expected) * (self.control_secs / LAG_SECS);
+    }
+
+    fn integrate(&mut self, drift: &Vector3<f32>) {
+        if drift.norm() < INTEGRAL_RANGE_M {
+            self.upkeep += drift * (INTEGRAL_GAIN * self.control_secs);
+            self.upkeep *= INTEGRAL_LIMIT / self.upkeep.norm().max(INTEGRAL_LIMIT);
+        }
+    }
+
+    /// As [`Self::lead`], by who has forgotten all that was before.
+    pub(crate) fn lead_at_once(
+        &self,
+        state: &State<f32>,
+        target: &Vector3<f32>,
+        distance: f32,
+    ) -> [f32; ACTION_LIMIT] {
+        self.fly(state, target, &self.heeded(state, target, distance), &Vector3::zeros())
+    }
+
+    /// The way to a point, as short as it must be near what is to be touched softly \[m, world\].
+    fn heeded(&self, state: &State<f32>, target: &Vector3<f32>, distance: f32) -> Vector3<f32> {
         let error = target - state.position;
         let softly = self.touch_leash < LEASH_M && distance < TOUCH_RANGE_M;
-        let error = if softly { pull(&error, self.touch_leash) } else { error };
-        if drift.norm() < INTEGRAL_RANGE_M {
-            self.integral += drift * (INTEGRAL_GAIN * self.control_secs);
-            self.integral *= INTEGRAL_LIMIT / self.integral.norm().max(INTEGRAL_LIMIT);
-        }
-        let (thrust_share, rates) = track(state, &error, &self.integral);
+        if softly { pull(&error, self.touch_leash) } else { error }
+    }
+
+    /// The action that flies a way \[m, world\], and makes up for what it is known to need beside that \[m/s², world\].
+    fn fly(
+        &self,
+        state: &State<f32>,
+        target: &Vector3<f32>,
+        error: &Vector3<f32>,
+        upkeep: &Vector3<f32>,
+    ) -> [f32; ACTION_LIMIT] {
+        let (thrust_share, rates) = track(state, error, upkeep);
         match &self.action {
             ActionSpace::RotorSpeeds(space) => {
                 let targets = self.rotor_targets(state, thrust_share, &rates);
@@ -161,15 +244,15 @@ impl ScriptedPilot {
                 action(normalised(space, thrust_share, &rates))
             }
             ActionSpace::Velocities(space) => {
-                let wish = pull(&error, LEASH_M) * POSITION_GAIN + self.integral;
+                let wish = pull(error, LEASH_M) * POSITION_GAIN + upkeep;
                 action((wish / (VELOCITY_GAIN * space.speed_limit)).into())
             }
             // Its controller has an integral of its own.
             ActionSpace::IntegralVelocities(space) => {
-                let wish = pull(&error, LEASH_M) * POSITION_GAIN;
+                let wish = pull(error, LEASH_M) * POSITION_GAIN;
                 action((wish / (VELOCITY_GAIN * space.velocities.speed_limit)).into())
             }
-            ActionSpace::Reference(space) => self.published(space, state, &target),
+            ActionSpace::Reference(space) => self.published(space, state, target, upkeep),
         }
     }
 
@@ -177,7 +260,7 @@ impl ScriptedPilot {
     /// drone passes between obstacles where the route does.
     fn aim(&mut self, position: &Vector3<f32>, goal: &Vector3<f32>) -> Aim {
         if self.route.is_empty() {
-            return Aim { target: *goal, drift: goal - position };
+            return Aim::at(*goal, position);
         }
         let mut departure = *self.departure.get_or_insert(*position);
         while let Some(point) = self.route.get(self.passed).filter(|point| (*point - position).norm() < PASSING_M)
@@ -195,12 +278,18 @@ impl ScriptedPilot {
         Aim { target: line(along + LEASH_M), drift: foot - position }
     }
 
-    fn published(&self, space: &ReferenceActions, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
+    fn published(
+        &self,
+        space: &ReferenceActions,
+        state: &State<f32>,
+        goal: &Vector3<f32>,
+        upkeep: &Vector3<f32>,
+    ) -> [f32; ACTION_LIMIT] {
         let error = goal - state.position;
-        let (thrust_share, rates) = track(state, &error, &self.integral);
+        let (thrust_share, rates) = track(state, &error, upkeep);
         let level = State { world_from_body: Attitude::level(), ..*state };
         let vertical = |value: f32| Vector3::new(0.0, 0.0, value);
-        let (climb_share, _) = track(&level, &vertical(error.z), &vertical(self.integral.z));
+        let (climb_share, _) = track(&level, &vertical(error.z), &vertical(upkeep.z));
         match space.kind {
             ReferenceActionKind::Rpm => {
                 let margin = PUBLISHED_THRUST_SHARE;
@@ -263,12 +352,16 @@ fn pull(error: &Vector3<f32>, leash: f32) -> Vector3<f32> {
     error * (leash / error.norm().max(leash))
 }
 
-/// Thrust relative to hover and wanted body rates \[rad/s\].
-fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (f32, Vector3<f32>) {
-    let gravity = GRAVITY as f32;
+/// The acceleration that leads to where it should be \[m/s², world\].
+fn wish(state: &State<f32>, error: &Vector3<f32>) -> Vector3<f32> {
     let wish = pull(error, LEASH_M) * POSITION_GAIN - state.velocity * VELOCITY_GAIN;
-    let wish = wish * (ACCELERATION_LIMIT / wish.norm().max(ACCELERATION_LIMIT));
-    let push = wish + integral + Vector3::new(0.0, 0.0, gravity);
+    wish * (ACCELERATION_LIMIT / wish.norm().max(ACCELERATION_LIMIT))
+}
+
+/// Thrust relative to hover and wanted body rates \[rad/s\].
+fn track(state: &State<f32>, error: &Vector3<f32>, upkeep: &Vector3<f32>) -> (f32, Vector3<f32>) {
+    let gravity = GRAVITY as f32;
+    let push = wish(state, error) + upkeep + Vector3::new(0.0, 0.0, gravity);
     let body_z = state.world_from_body.body_z();
     let turn = state.world_from_body.rotate_inverse(body_z.cross(&push.normalize()));
     // Upside down the cross product vanishes: full rate about any axis gets out of there.

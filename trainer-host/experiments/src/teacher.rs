@@ -3,24 +3,13 @@
 //! The learner adds an imitation loss towards its actions ([`TeacherSettings`](kestrel_learn::ppo::TeacherSettings)). The teacher knows the true state and the map, as those of Chen et al. 2020 and Loquercio et al. 2021 do; the policy that
 //! has learned needs neither.
 
-use std::sync::Arc;
-
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace};
 use kestrel_core::vehicle::State;
-use kestrel_sim::contact::AXIS_M;
-use kestrel_sim::course::Gate;
-use kestrel_sim::reward::RewardTerm;
-use kestrel_sim::rooms::{Rooms, Ways};
-use kestrel_sim::scenario::{Aviary, Goals, Scenario};
+use kestrel_sim::scenario::Scenario;
 use nalgebra::Vector3;
 
+use crate::known_way::{KnownWay, drawn_out};
 use crate::scripted::ScriptedPilot;
-
-/// The teacher heads for the point of the way that is so far ahead \[m\]: nearer ones make it wobble, farther ones cut corners.
-const LOOKAHEAD_M: f32 = 0.3;
-
-/// As if the goal were so far away \[m\], it flies at full speed.
-const APPARENT_DISTANCE_M: f32 = 0.8;
 
 /// Drones that find their ways learn to touch at this share of the scripted pilot's speed, a twelfth of whose touches of tables
 /// in furnished rooms are too hard on a drone that is late.
@@ -31,53 +20,23 @@ const TOUCH_SHARE: f32 = 0.7;
 const TURN_GAIN: f32 = 3.0;
 const BLIND_SHARE: f32 = 0.15;
 
-/// So near to the end of a forest's way \[m\] a drone of a team flies straight to its own goal: no trunk is beside it any more.
-const OWN_GOAL_M: f32 = 1.2;
-
 /// A way that leads so little to the side has no heading \[m\].
 const UPRIGHT_M: f32 = 0.05;
-
-/// This near to the axis of a gate, the teacher flies along it \[m\]; this near to the end of that, it turns to the next gate.
-const ON_AXIS_M: f64 = 0.15;
 
 /// The teacher of one task. It remembers nothing from one state to the next.
 #[derive(Clone, Debug)]
 pub(crate) struct Teacher {
     pilot: ScriptedPilot,
-    map: Map,
+    way: KnownWay,
     /// Greatest yaw rate of an action, where it looks where it flies \[rad/s\].
     turning: Option<f32>,
-    /// Whether drawn ways lead to where a team parts.
-    has_own_goals: bool,
-}
-
-/// What it knows of the way.
-#[derive(Clone, Debug)]
-enum Map {
-    /// How far the goal is from everywhere.
-    Ways(Ways),
-    /// Which gates there are, and what leads from one to the next.
-    Course(Box<Course>),
-}
-
-/// The course of the one place, or those of the rooms that are drawn.
-#[derive(Clone, Debug)]
-struct Course {
-    aviary: Aviary,
-    drawn: Option<Arc<Rooms>>,
 }
 
 impl Teacher {
     /// That of a task whose worlds are drawn, whose reward says which way leads to its goal, or whose goals are gates; no other
     /// has one.
     pub(crate) fn of(scenario: &Scenario) -> Option<Self> {
-        let map = match (&scenario.drawn, &scenario.goals) {
-            (drawn, Goals::Gates) => {
-                Map::Course(Box::new(Course { aviary: scenario.aviary.clone(), drawn: drawn.clone() }))
-            }
-            (Some(rooms), _) => Map::Ways(Ways::Drawn(Arc::clone(rooms))),
-            (None, _) => Map::Ways(scenario.rewards.iter().find_map(RewardTerm::ways)?.clone()),
-        };
+        let way = KnownWay::of(scenario)?;
         let pilot = ScriptedPilot::of(scenario);
         let looks = scenario.camera.is_some() && scenario.drawn.is_some();
         let finds_its_way = looks || scenario.sensors.finds_way();
@@ -98,39 +57,23 @@ impl Teacher {
             ) => None,
         };
         let pilot = if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot };
-        let has_own_goals = matches!((&scenario.drawn, &scenario.goals), (Some(_), Goals::PerAgent(_)));
-        Some(Self { pilot, map, turning, has_own_goals })
+        Some(Self { pilot, way, turning })
     }
 
     /// What it would do on the way to a goal \[m, world\] of a room, each value within \[-1, 1\], zeros behind the last. Where
     /// the drone has found a way by itself, and says the point ahead on it, it is led along that one: who is to follow what it
     /// sees must not be shown another way.
     pub(crate) fn act(
-        &mut self,
+        &self,
         state: &State<f32>,
         goal: &Vector3<f32>,
         room: u32,
         found: Option<Vector3<f32>>,
     ) -> [f32; ACTION_LIMIT] {
-        self.pilot.reset();
-        let (position, straight) = (&state.position, (goal - state.position).norm());
-        let (ahead, distance) = match &self.map {
-            // Near obstacles a metre of the way counts more, so that a table that stands among furniture would seem farther
-            // away than it is: a straight line that is shorter counts.
-            Map::Ways(ways) => {
-                let ways = ways.of(room);
-                let length = ways.length((*position).into());
-                if self.has_own_goals && length < OWN_GOAL_M {
-                    (*goal, straight)
-                } else {
-                    (ways.ahead((*position).into(), LOOKAHEAD_M), length.min(straight))
-                }
-            }
-            Map::Course(course) => (course.ahead(position, goal, room), straight),
-        };
+        let position = &state.position;
+        let (ahead, distance) = self.way.ahead(position, goal, room);
         let leg = found.unwrap_or(ahead) - position;
-        let target = position + leg * (APPARENT_DISTANCE_M / leg.norm().max(LOOKAHEAD_M / 2.0));
-        let mut action = self.pilot.lead(state, &target, distance);
+        let mut action = self.pilot.lead_at_once(state, &(position + drawn_out(&leg)), distance);
         if let Some(limit) = self.turning.filter(|_| leg.xy().norm() > UPRIGHT_M) {
             turn(&mut action, state, &leg, limit);
         }
@@ -151,48 +94,6 @@ fn turn(action: &mut [f32; ACTION_LIMIT], state: &State<f32>, leg: &Vector3<f32>
     *yaw = (TURN_GAIN * angle / limit).clamp(-1.0, 1.0);
 }
 
-impl Course {
-    /// Where to head for on the way through the gate around a goal \[m, world\].
-    fn ahead(&self, position: &Vector3<f32>, goal: &Vector3<f32>, room: u32) -> Vector3<f32> {
-        let aviary = self.drawn.as_ref().map_or(&self.aviary, |rooms| &rooms.room(room).aviary);
-        let here = position.cast();
-        let Some(index) = aviary.gates.iter().position(|gate| gate.center.cast() == *goal) else { return *goal };
-        // A route leads on to the end of the axis: whoever turns in the gate cuts a corner that may not be free.
-        let leaves = |last: &Gate| {
-            let place = last.seen(&here);
-            (0.0..AXIS_M - ON_AXIS_M).contains(&place.x) && place.yz().norm() < 2.0 * ON_AXIS_M
-        };
-        if let Some(last) = index.checked_sub(1).map(|last| &aviary.gates[last]).filter(|last| leaves(last)) {
-            return last.on_axis(AXIS_M).cast();
-        }
-        let gate = &aviary.gates[index];
-        let [before, behind] = [-AXIS_M, AXIS_M].map(|way| gate.on_axis(way));
-        let place = gate.seen(&here);
-        let lined_up = place.yz().norm() < ON_AXIS_M && place.x > -AXIS_M - ON_AXIS_M;
-        if lined_up {
-            return behind.cast();
-        }
-        let aside = detour(aviary, index, &before.cast());
-        // What leads past an obstacle has been passed once the gate is nearer than it is.
-        let heads_aside = |point: &&Vector3<f32>| (before.cast() - **point).dot(&(position - **point)) < 0.0;
-        aside.filter(heads_aside).copied().unwrap_or(before.cast())
-    }
-}
-
-/// The point on the route by which the leg to a gate leads around what stands there, if it does.
-fn detour<'a>(aviary: &'a Aviary, gate: usize, before: &Vector3<f32>) -> Option<&'a Vector3<f32>> {
-    let route = aviary.route(0);
-    let end = route.iter().position(|point| point == before)?;
-    let begin = match gate.checked_sub(1) {
-        None => 0,
-        Some(last) => {
-            let behind = aviary.gates[last].on_axis(AXIS_M).cast();
-            route.iter().position(|point| *point == behind)? + 1
-        }
-    };
-    route.get(begin..end)?.last()
-}
-
 #[cfg(test)]
 mod tests {
     use kestrel_core::attitude::Attitude;
@@ -210,7 +111,7 @@ mod tests {
         let experiment = load(&in_repository(&format!("configs/aviaries/{room}.yaml")), &[]).unwrap();
         let scenario = &experiment.evaluation.scenario;
         let mut simulation = Simulation::<64>::new(scenario, Seed(5), 0, FLIGHTS);
-        let mut teacher = Teacher::of(scenario).expect("its reward has a map");
+        let teacher = Teacher::of(scenario).expect("its reward has a map");
         let mut successes = [None; FLIGHTS];
         while successes.contains(&None) {
             let mut actions = vec![0.0; scenario.action.len() * FLIGHTS];
@@ -234,9 +135,9 @@ mod tests {
         let experiment = load(&in_repository("configs/aviaries/room-0.yaml"), &[]).unwrap();
         let scenario = &experiment.evaluation.scenario;
         let simulation = Simulation::<1>::new(scenario, Seed(5), 0, 1);
-        let mut teacher = Teacher::of(scenario).expect("its reward has a map");
+        let teacher = Teacher::of(scenario).expect("its reward has a map");
         let (state, goal) = (simulation.state(0), simulation.goal(0));
-        let mut sideways = |y: f32| {
+        let sideways = |y: f32| {
             let found = state.position + Vector3::new(0.0, y, 0.0);
             teacher.act(&state, &goal, 0, Some(found))[1]
         };
@@ -253,7 +154,7 @@ mod tests {
         let goal = simulation.goal(0);
         let state = State { position: goal + Vector3::new(0.0, 0.0, 0.4), ..simulation.state(0) };
         let [softly, firmly] = [scenario, &told].map(|scenario| {
-            let mut teacher = Teacher::of(scenario).expect("its rooms have ways");
+            let teacher = Teacher::of(scenario).expect("its rooms have ways");
             teacher.act(&state, &goal, simulation.room(0), Some(goal))[2]
         });
         assert!(firmly < -0.1 && (softly / firmly - TOUCH_SHARE).abs() < 0.01, "{softly}, {firmly}");
@@ -269,7 +170,7 @@ mod tests {
             let turned = Attitude { w: (0.5 * yaw).cos(), x: 0.0, y: 0.0, z: (0.5 * yaw).sin() };
             let state = State { world_from_body: turned, ..simulation.state(0) };
             let found = state.position + Vector3::new(0.3, 0.0, 0.0);
-            let mut teacher = Teacher::of(&scenario).expect("its rooms have ways");
+            let teacher = Teacher::of(&scenario).expect("its rooms have ways");
             teacher.act(&state, &simulation.goal(0), simulation.room(0), Some(found))
         };
         let ranger = [sensors.to_owned()];

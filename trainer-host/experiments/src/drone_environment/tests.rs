@@ -158,7 +158,7 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
     let mut environment = DroneEnvironment::begin(&mapped(), Seed(31), 0, 8);
     let mut actions = vec![0.0; 4 * 5];
     environment.write_teacher_actions(2..7, &mut actions);
-    let mut teacher = Teacher::of(&mapped()).expect("it has a map");
+    let teacher = Teacher::of(&mapped()).expect("it has a map");
     for (column, row) in (2..7).enumerate() {
         let said: Vec<f32> = actions.chunks_exact(5).map(|values| values[column]).collect();
         assert_eq!(
@@ -314,7 +314,7 @@ fn so_are_rooms_that_a_camera_sees_and_a_memory_keeps() {
     assert_eq!(resumed.actor(), whole.actor());
     // Its teacher turns the nose, so that the camera sees where it flies.
     assert!(losses.iter().all(|loss| loss.is_finite()) && whole.actor().units() == 8, "{losses:?}");
-    let mut teacher = Teacher::of(&task).unwrap();
+    let teacher = Teacher::of(&task).unwrap();
     let simulation = Simulation::<8>::new(&task, Seed(3), 0, 40);
     let turns = (0..40).filter(|row| {
         let (state, goal) = (simulation.state(*row), simulation.goal(*row));

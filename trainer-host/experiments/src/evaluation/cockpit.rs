@@ -5,7 +5,6 @@ use kestrel_core::gru::HiddenState;
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
 use kestrel_core::real::Real;
-use kestrel_core::vehicle::State;
 use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::outcome::Outcome;
 use kestrel_sim::scenario::{Goals, Scenario};
@@ -14,14 +13,19 @@ use kestrel_sim::simulation::Simulation;
 use nalgebra::Vector3;
 
 use super::Flyer;
-use crate::scripted::ScriptedPilot;
+use crate::known_way::{KnownWay, drawn_out};
+use crate::scripted::{Aim, ScriptedPilot};
 use crate::stock::StockFlight;
-use crate::teacher::Teacher;
+
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::Memory;
 use kestrel_learn::actor_critic::ActorWorkspace;
 use kestrel_learn::gru::forget;
 use kestrel_learn::network::InputBatch;
+
+/// The scripted pilot touches goals that must be touched softly at this share of the speed that he asks of others who are
+/// led: drones that are late and not what they should be touch a quarter harder than they are asked to.
+const TOUCH_SHARE: f32 = 0.6;
 
 /// A flyer at work on the environments of one simulation.
 pub(crate) struct Cockpit<'a, R> {
@@ -54,7 +58,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
         first: u32,
     ) -> Self {
         let scenario = simulation.scenario();
-        let pilot = ScriptedPilot::of(scenario);
+        let pilot = ScriptedPilot::of(scenario).softer(TOUCH_SHARE);
         Self {
             flyer,
             scripted: (0..simulation.rows()).map(|row| pilot.clone().along(route(simulation, row))).collect(),
@@ -175,18 +179,17 @@ impl<'a, R: Real> Cockpit<'a, R> {
             }
             let goal = simulation.goal(row).map(Real::to_f32);
             let mut state = simulation.state(row).map(Real::to_f32);
-            let guide = self.guide.as_mut();
-            if let Some(action) =
-                guide.and_then(|guide| guide.act(row, begins, (&state, &goal), simulation.room(row)))
-            {
-                write_action(&mut self.actions, rows, row, &action);
-                continue;
-            }
             if let Goals::Trajectory(_) = simulation.scenario().goals {
                 // Beside a goal that moves with it, a drone is at rest.
                 state.velocity -= simulation.goal_velocity(row).map(Real::to_f32);
             }
-            let action = pilot.act(&state, &goal);
+            let guide = self.guide.as_mut();
+            let led =
+                guide.and_then(|guide| guide.ahead(row, begins, (&state.position, &goal), simulation.room(row)));
+            let action = match led {
+                Some((ahead, distance)) => pilot.lead(&state, &Aim::at(ahead, &state.position), distance),
+                None => pilot.act(&state, &goal),
+            };
             write_action(&mut self.actions, rows, row, &action);
         }
     }
@@ -218,7 +221,7 @@ fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &
 /// Who knows the shortest free way, for scripted pilots without a route.
 #[derive(Clone, Debug)]
 struct Guide {
-    teacher: Teacher,
+    way: KnownWay,
     /// What may stand in the way; nothing where worlds are drawn, in all of which something does.
     arena: Option<Arena>,
     /// Of each drone, whether it is led in its present flight; unknown before the first.
@@ -236,24 +239,28 @@ impl Guide {
             return None;
         }
         let arena = || Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
-        Some(Self { teacher: Teacher::of(scenario)?, arena: (!drawn).then(arena), leads: vec![None; rows] })
+        Some(Self { way: KnownWay::of(scenario)?, arena: (!drawn).then(arena), leads: vec![None; rows] })
     }
 
-    /// What the drone of a row does if it is led, which is settled where its flight begins.
-    fn act(
+    /// Where the drone of a row is led to \[m, world\], and how far away its goal seems \[m\], if it is led, which is settled
+    /// where its flight begins.
+    fn ahead(
         &mut self,
         row: usize,
         begins: bool,
-        (state, goal): (&State<f32>, &Vector3<f32>),
+        (position, goal): (&Vector3<f32>, &Vector3<f32>),
         room: u32,
-    ) -> Option<[f32; ACTION_LIMIT]> {
-        let blocked = || self.arena.as_ref().is_none_or(|arena| is_blocked(arena, &state.position, goal));
+    ) -> Option<(Vector3<f32>, f32)> {
+        let blocked = || self.arena.as_ref().is_none_or(|arena| is_blocked(arena, position, goal));
         let leads = match self.leads[row] {
             Some(leads) if !begins => leads,
             Some(_) | None => blocked(),
         };
         self.leads[row] = Some(leads);
-        leads.then(|| self.teacher.act(state, goal, room, None))
+        leads.then(|| {
+            let (ahead, distance) = self.way.ahead(position, goal, room);
+            (position + drawn_out(&(ahead - position)), distance)
+        })
     }
 }
 
